@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "capture/frame.h"
+#include "estimator/camera_model.h"
+#include "estimator/observation.h"
+
+namespace throwcal {
+
+struct BallDetectorSettings {
+  double threshold_sigmas = 5.0;  ///< of a pixel's own noise
+  double min_radius_px = 1.2, max_radius_px = 60.0;
+  int max_sightings = 16;  ///< a frame; the most ball-like are kept
+};
+
+/// Finds ball-like moving blobs in one camera's frames: background difference, threshold, opening,
+/// components, sub-pixel centre of the sphere's projection.
+class BallDetector {
+ public:
+  BallDetector(CameraModel model, double ball_diameter_m, BallDetectorSettings settings = {});
+  ~BallDetector();
+  BallDetector(BallDetector&&) noexcept;
+
+  /// Blobs in a frame. Empty while the background is still being learnt.
+  FrameSightings detect(const Frame& frame);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace throwcal

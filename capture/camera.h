@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <memory>
+#include <span>
+#include <string>
+
+#include "capture/frame.h"
+
+namespace throwcal {
+
+/// A source of frames: a driver. Made by make_camera(); used by one thread at a time.
+class Camera {
+ public:
+  virtual ~Camera() = default;
+
+  struct Format {
+    int width_px = 0, height_px = 0;
+    PixelFormat format = PixelFormat::grey;
+    double frames_per_s = 0.0;
+  };
+  enum class Outcome { frame, end, failed, interrupted };
+
+  virtual const std::string& name() const = 0;
+  virtual Format format() const = 0;  ///< fixed from construction on; sizes the ring's slots
+  virtual void start() = 0;
+  /// Waits for the next frame and writes its pixels into `slot` (format()'s size, tightly packed),
+  /// its facts into `frame`; `frame.image` views the slot. `end`: the source has no more. `failed`:
+  /// error() says what and where.
+  virtual Outcome next(std::span<std::uint8_t> slot, Frame& frame) = 0;
+  virtual void
+  interrupt() = 0;  ///< thread-safe: makes a waiting next() return `interrupted`, at once
+  virtual std::string error() const { return {}; }
+};
+
+}  // namespace throwcal

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <memory>
+#include <string>
+
+#include "capture/camera.h"
+#include "capture/simulated_scene.h"
+#include "estimator/camera_model.h"
+
+namespace throwcal {
+
+/// What a camera's `source` key means: "simulated", or "video:PATH" (PATH.timestamps.txt beside it
+/// gives frame times).
+struct CameraSource {
+  CameraId id = 0;
+  std::string name, source;
+  CameraModel model;
+  bool paced = true;  ///< deliver frames when they are due; false: as fast as they are taken
+  std::shared_ptr<const SimulatedScene>
+      scene;                 ///< of simulated cameras; shared, so that all see one ball
+  HostTime scene_start{};    ///< when the scene's time 0 is
+  double scene_end_s = 0.0;  ///< simulated cameras end here; 0: never
+};
+
+/// The driver that a source asks for. Throws std::runtime_error (cause, path, what was tried) where
+/// it can't be had. A new driver is one more .cpp and one more line here.
+std::unique_ptr<Camera> make_camera(const CameraSource& source);
+
+}  // namespace throwcal

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "capture/ball_detector.h"
+#include "capture/camera.h"
+#include "estimator/observation.h"
+
+namespace throwcal {
+
+struct RigSettings {
+  int ring_slots = 16;      ///< frames a camera's ring holds
+  int queue_frames = 4096;  ///< frames' worth of sightings that may wait for the estimator
+  BallDetectorSettings detector;
+};
+
+/// Counters of one camera since start; every loss is in one of them.
+struct CameraStats {
+  std::string name;
+  std::uint64_t frames = 0;                 ///< processed by the detector
+  std::uint64_t frames_lost_by_driver = 0;  ///< gaps in the driver's sequence
+  std::uint64_t frames_dropped = 0;         ///< ring full: the detector was too slow
+  std::uint64_t sightings = 0;              ///< candidates found
+  double frames_per_s = 0.0;                ///< over the last second or so
+  bool running = false;                     ///< false: ended or failed, `error` says why
+  std::string error;
+};
+
+/// The deep face of capture/: owns the cameras, their rings, detectors and threads (one a camera,
+/// named after it).
+class Rig {
+ public:
+  Rig(std::vector<std::unique_ptr<Camera>> cameras, const RigSettings& settings);
+  ~Rig();  ///< stops
+
+  void start();
+  /// The next frame's sightings of any camera, those of one camera in order of time; waits for it.
+  /// Nothing when `stop` is requested, or when every camera has ended and all has been handed out.
+  std::optional<FrameSightings> next(std::stop_token stop);
+  void stop();
+  std::vector<CameraStats> stats() const;  ///< thread-safe
+  std::uint64_t sightings_dropped()
+      const;  ///< frames' worth of sightings lost because the queue was full
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace throwcal

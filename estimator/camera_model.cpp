@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "estimator/camera_model.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace throwcal {
+namespace {
+
+constexpr double min_depth_m = 1e-6;
+constexpr int max_newton_steps = 30;
+
+/// Smallest r > 0 where d/dr (r + c1 r^3 + c2 r^5 + ...) is zero, or infinity. Marches to the first
+/// change of sign.
+double first_turning_point(const double* c, int n, double limit) {
+  const auto slope = [&](double r) {
+    double sum = 1.0, power = 1.0;
+    for (int i = 0; i < n; ++i) sum += (2 * i + 3) * c[i] * (power *= r * r);
+    return sum;
+  };
+  constexpr int steps = 2000;
+  for (int i = 1; i <= steps; ++i) {
+    if (slope(limit * i / steps) > 0) continue;
+    double low = limit * (i - 1) / steps, high = limit * i / steps;
+    for (int k = 0; k < 60; ++k) (slope(0.5 * (low + high)) > 0 ? low : high) = 0.5 * (low + high);
+    return low;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+/// OpenCV's radial and tangential model on normalised coordinates, and its 2x2 derivative.
+Eigen::Vector2d distort_radtan(const std::array<double, 5>& d, const Eigen::Vector2d& p,
+                               Eigen::Matrix2d* J) {
+  const auto [k1, k2, p1, p2, k3] = d;
+  const double x = p.x(), y = p.y(), r2 = x * x + y * y;
+  const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+  if (J) {
+    const double slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3));
+    const double cross = x * y * slope + 2 * p1 * x + 2 * p2 * y;
+    *J << radial + x * x * slope + 2 * p1 * y + 6 * p2 * x, cross, cross,
+        radial + y * y * slope + 6 * p1 * y + 2 * p2 * x;
+  }
+  return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+          y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+}
+
+/// theta + k1 theta^3 + ... and its slope.
+std::pair<double, double> bend_kb4(const std::array<double, 5>& k, double angle) {
+  const double a2 = angle * angle;
+  return {angle * (1 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3])))),
+          1 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])))};
+}
+
+std::optional<Eigen::Vector2d> project_radtan(const CameraModel& model,
+                                              const Eigen::Vector3d& point,
+                                              Eigen::Matrix<double, 2, 3>* J) {
+  if (point.z() < min_depth_m) return std::nullopt;
+  const Eigen::Vector2d p = point.head<2>() / point.z();
+  Eigen::Matrix2d D;
+  const Eigen::Vector2d distorted = distort_radtan(model.distortion, p, J ? &D : nullptr);
+  if (J) *J << D / point.z(), -(D * p) / point.z();
+  return distorted;
+}
+
+std::optional<Eigen::Vector2d> project_kb4(const CameraModel& model, const Eigen::Vector3d& point,
+                                           Eigen::Matrix<double, 2, 3>* J) {
+  const double radius = point.head<2>().norm(), range2 = point.squaredNorm();
+  if (range2 < min_depth_m * min_depth_m) return std::nullopt;
+  if (radius < 1e-9 * std::abs(point.z())) {  // on the axis the model is the pinhole
+    if (point.z() <= 0) return std::nullopt;
+    const Eigen::Vector2d p = point.head<2>() / point.z();
+    if (J) *J << Eigen::Matrix2d::Identity() / point.z(), -p / point.z();
+    return p;
+  }
+  const Eigen::Vector2d unit = point.head<2>() / radius;
+  const auto [bent, slope] = bend_kb4(model.distortion, std::atan2(radius, point.z()));
+  if (J) {
+    Eigen::RowVector3d angle_by_point;
+    angle_by_point << unit.transpose() * (point.z() / range2), -radius / range2;
+    *J = slope * unit * angle_by_point;
+    J->leftCols<2>() += bent / radius * (Eigen::Matrix2d::Identity() - unit * unit.transpose());
+  }
+  return bent * unit;
+}
+
+std::optional<Eigen::Vector3d> ray_radtan(const CameraModel& model,
+                                          const Eigen::Vector2d& distorted) {
+  Eigen::Vector2d p = distorted;
+  Eigen::Matrix2d J;
+  for (int i = 0; i < max_newton_steps; ++i) {
+    const Eigen::Vector2d error = distort_radtan(model.distortion, p, &J) - distorted;
+    if (error.norm() < 1e-13) return p.homogeneous().normalized();
+    if (!(std::abs(J.determinant()) > 1e-9)) return std::nullopt;
+    p -= J.inverse() * error;
+    if (!p.allFinite()) return std::nullopt;
+  }
+  const bool close = (distort_radtan(model.distortion, p, nullptr) - distorted).norm() < 1e-9;
+  return close ? std::optional(Eigen::Vector3d(p.homogeneous().normalized())) : std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Vector2d& distorted,
+                                       double max_angle) {
+  const double bent = distorted.norm();
+  if (bent < 1e-15) return Eigen::Vector3d::UnitZ();
+  // The bend grows up to max_angle: bisection brackets, Newton finishes.
+  double low = 0.0, high = max_angle, angle = std::min(bent, 0.5 * max_angle);
+  if (bend_kb4(model.distortion, high).first < bent) return std::nullopt;
+  for (int i = 0; i < 100; ++i) {
+    const auto [value, slope] = bend_kb4(model.distortion, angle);
+    (value < bent ? low : high) = angle;
+    double next = angle - (value - bent) / slope;
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    if (std::abs(next - angle) < 1e-15) break;
+    angle = next;
+  }
+  const Eigen::Vector2d unit = distorted / bent;
+  return Eigen::Vector3d(std::sin(angle) * unit.x(), std::sin(angle) * unit.y(), std::cos(angle));
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point_cam,
+                                                    Eigen::Matrix<double, 2, 3>* J_point) const {
+  const auto distorted = lens == Lens::radtan ? project_radtan(*this, point_cam, J_point)
+                                              : project_kb4(*this, point_cam, J_point);
+  if (!distorted) return std::nullopt;
+  Eigen::Matrix2d affine;
+  affine << fx_px, skew_px, 0.0, fy_px;
+  if (J_point) *J_point = affine * *J_point;
+  return affine * *distorted + Eigen::Vector2d(cx_px, cy_px);
+}
+
+std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pixel) const {
+  const double y = (pixel.y() - cy_px) / fy_px;
+  const Eigen::Vector2d distorted((pixel.x() - cx_px - skew_px * y) / fx_px, y);
+  if (lens == Lens::kb4) return ray_kb4(*this, distorted, max_angle_rad());
+  const auto ray = ray_radtan(*this, distorted);
+  if (!ray || std::atan2(ray->head<2>().norm(), ray->z()) > max_angle_rad()) return std::nullopt;
+  return ray;
+}
+
+double CameraModel::max_angle_rad() const {
+  if (lens == Lens::kb4)
+    return std::min(first_turning_point(distortion.data(), 4, std::numbers::pi), std::numbers::pi);
+  const std::array<double, 3> radial{distortion[0], distortion[1], distortion[4]};
+  const double limit = first_turning_point(radial.data(), 3, 10.0);
+  return std::isfinite(limit) ? std::atan(limit) : 0.5 * std::numbers::pi - 1e-3;
+}
+
+bool CameraModel::contains(const Eigen::Vector2d& pixel, double margin_px) const {
+  return pixel.x() >= margin_px && pixel.y() >= margin_px &&
+         pixel.x() <= width_px - 1 - margin_px && pixel.y() <= height_px - 1 - margin_px;
+}
+
+}  // namespace throwcal
