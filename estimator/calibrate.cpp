@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "estimator/calibrate.h"
+
+#include <algorithm>
+
+#include "estimator/bootstrap.h"
+#include "estimator/refinement.h"
+#include "estimator/report.h"
+#include "estimator/throw_iteration.h"
+#include "estimator/verdict.h"
+
+namespace throwcal {
+namespace {
+
+constexpr int full_sweeps =
+    3;  // of RB-EKF between the closed form and the refinement: the start is good already
+
+/// The throws whose ball has a start, and the solution that begins there.
+struct Candidate {
+  std::vector<TimedThrow> throws;
+  Solution solution;
+};
+
+Candidate candidate_of(const Start& start, const std::vector<TimedThrow>& throws) {
+  Candidate out{{}, {start.rig, {}}};
+  for (std::size_t j = 0; j < throws.size(); ++j)
+    if (start.balls[j])
+      out.throws.push_back(throws[j]), out.solution.balls.push_back(*start.balls[j]);
+  return out;
+}
+
+/// Where to begin: the closed form, a guess, or (full method) both, for a bad guess must not hurt.
+std::vector<Candidate> candidates(const RigDescription& rig, const std::vector<Throw>& throws,
+                                  const CalibrateSettings& settings) {
+  const std::vector<TimedThrow> timed = time_throws(rig, throws);
+  const FlightTable flights = fit_all_flights(rig, throws);
+  std::vector<Candidate> out;
+  if (settings.guess)
+    out.push_back(candidate_of(start_from_guess(rig, timed, flights, *settings.guess), timed));
+  if (!settings.guess || settings.method == Method::full)
+    if (const auto start = bootstrap(rig, timed, flights))
+      out.push_back(candidate_of(*start, timed));
+  std::erase_if(out, [](const Candidate& c) { return c.throws.empty(); });
+  return out;
+}
+
+/// Of two refinements: the one that explains more sightings, then the one that explains them
+/// better.
+bool is_better(const Refinement& a, const Refinement& b) {
+  if (a.degrees_of_freedom != b.degrees_of_freedom)
+    return a.degrees_of_freedom > b.degrees_of_freedom;
+  return a.chi2 < b.chi2;
+}
+
+}  // namespace
+
+Calibration calibrate(const RigDescription& rig, const std::vector<Throw>& throws,
+                      const CalibrateSettings& settings) {
+  std::vector<Throw> seen = throws;
+  std::erase_if(seen, [](const Throw& t) {
+    return std::all_of(t.tracks.begin(), t.tracks.end(),
+                       [](const Track& k) { return k.sightings.empty(); });
+  });
+
+  std::optional<Refinement> best;
+  Candidate best_candidate;
+  for (Candidate& candidate : candidates(rig, seen, settings)) {
+    const Method filter = settings.method == Method::full ? Method::rb_ekf : settings.method;
+    const int sweeps = settings.method == Method::full ? full_sweeps : settings.throw_iterations;
+    const Solution filtered = iterate_throws(
+        rig, candidate.throws, candidate.solution, filter,
+        {.ekf = {}, .sweeps = sweeps, .enough = 1e-5, .progress = settings.progress});
+    RefinementSettings refinement;
+    if (settings.method != Method::full) refinement.max_iterations = 0;
+    Refinement refined = refine(rig, candidate.throws, filtered, refinement);
+    if (!best || is_better(refined, *best)) best = std::move(refined), best_candidate = candidate;
+  }
+  if (!best) return report_nothing_to_go_by(rig, seen, settings.method);
+  return report(rig, seen, best_candidate.throws, *best, settings.method);
+}
+
+}  // namespace throwcal
