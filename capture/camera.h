@@ -5,6 +5,7 @@
 #include <string>
 
 #include "capture/frame.h"
+#include "estimator/camera_model.h"
 
 namespace throwcal {
 
@@ -21,7 +22,10 @@ class Camera {
   enum class Outcome { frame, end, failed, interrupted };
 
   virtual const std::string& name() const = 0;
-  virtual Format format() const = 0;  ///< fixed from construction on; sizes the ring's slots
+  virtual Format format() const = 0;      ///< fixed from construction on; sizes the ring's slots
+  virtual CameraModel model() const = 0;  ///< the lens in front of it
+  /// True: the source waits for its reader and loses nothing (a file). False: light does not wait.
+  virtual bool waits_for_reader() const { return false; }
   virtual void start() = 0;
   /// Waits for the next frame and writes its pixels into `slot` (format()'s size, tightly packed),
   /// its facts into `frame`; `frame.image` views the slot. `end`: the source has no more. `failed`:

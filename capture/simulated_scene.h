@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "estimator/observation.h"
 #include "estimator/rig_description.h"
 #include "estimator/rigid.h"
 
@@ -57,7 +58,13 @@ class SimulatedScene {
   std::vector<Arc> arc_list(double from_s, double to_s) const;  ///< that start within the span
 
  private:
+  struct Toss;
+  Toss toss(int number) const;
+  std::optional<Toss> toss_at(
+      double time_s) const;  ///< the one under way, from swing to next swing
+
   SimulatedSceneSettings settings_;
+  Rigid T_world_site_;  ///< site: z up, origin on the ground under the square's middle
   std::vector<Rigid> T_world_cam_;
   std::vector<double> time_offset_s_, frame_phase_s_;
   RigDescription rig_;

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace throwcal {
+
+/// A group of marked pixels that touch, or nearly so.
+struct Blob {
+  int area_px = 0;
+  cv::Rect box;
+  Eigen::Vector2d centroid_px = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d spread_px2 = Eigen::Matrix2d::Zero();  ///< second moments about the centroid
+};
+
+/// Finds blobs by runs of marked pixels; its memory grows to what the busiest frame needs and
+/// stays.
+class BlobFinder {
+ public:
+  /// Blobs of at least `min_area_px` in a mask (CV_8U; marked is not zero). Pixels a gap of one or
+  /// two apart belong together: what closing would bridge. Valid until the next call.
+  const std::vector<Blob>& find(const cv::Mat& marked, int min_area_px);
+
+ private:
+  struct Run {
+    int y, first, last;  ///< columns, both marked
+    int area;
+    int parent;
+  };
+  void add_runs(const std::uint8_t* row, int y, int width);
+  void join_rows(std::size_t above, std::size_t above_end, std::size_t row, std::size_t row_end);
+  int root(int run);
+  void add_to_blob(const Run& run, Blob& blob);
+
+  std::vector<Run> runs_;
+  std::vector<std::size_t> row_start_;
+  std::vector<int> blob_of_run_;
+  std::vector<Blob> blobs_;
+};
+
+}  // namespace throwcal

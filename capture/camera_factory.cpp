@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "capture/camera_factory.h"
+
+#include <stdexcept>
+
+#include "capture/simulated_camera.h"
+#include "capture/video_camera.h"
+
+namespace throwcal {
+
+std::unique_ptr<Camera> make_camera(const CameraSource& source) {
+  constexpr std::string_view video = "video:";
+  if (source.source == "simulated") {
+    if (source.scene) return std::make_unique<SimulatedCamera>(source);
+    throw std::runtime_error("camera " + source.name + ": simulated, but there is no scene to see");
+  }
+  if (source.source.starts_with(video))
+    return std::make_unique<VideoCamera>(source, source.source.substr(video.size()));
+  throw std::runtime_error("camera " + source.name + ": source \"" + source.source +
+                           "\" is unknown; expected \"simulated\" or \"video:PATH\"");
+}
+
+}  // namespace throwcal

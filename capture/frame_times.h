@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <string>
+#include <vector>
+
+#include "estimator/time.h"
+
+namespace throwcal {
+
+/// Frame times from a file in mkvtoolnix' "timestamp format v2": a line a frame, milliseconds with
+/// decimals, '#' begins a comment. Exact to the nanosecond. Throws std::runtime_error naming file
+/// and line where a line is no time or times do not ascend.
+std::vector<HostTime> read_frame_times(const std::string& path);
+
+}  // namespace throwcal
