@@ -104,7 +104,8 @@ void Ekf::update(const TimedSighting& sighting) {
   if (distance > settings_.huber_sigmas) innovation *= distance / settings_.huber_sigmas;
   gain_.noalias() = cross_ * innovation.inverse();
   step_.noalias() = gain_ * model->residual_px;
-  // P <- P - (P H^T) S^-1 (P H^T)^T, one triangle, then mirrored: exactly symmetric, or rounding grows with every pass.
+  // P <- P - (P H^T) S^-1 (P H^T)^T, one triangle, then mirrored: exactly symmetric, or rounding
+  // grows with every pass.
   const Eigen::Matrix2d root = innovation.llt().matrixL();
   cross_.col(0) /= root(0, 0);
   cross_.col(1) = (cross_.col(1) - root(1, 0) * cross_.col(0)) / root(1, 1);

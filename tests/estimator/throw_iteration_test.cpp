@@ -27,7 +27,8 @@ TEST(ThrowIteration, RbEkfAloneComesCloseToTheRefinementFromARoughStart) {
     const auto timed = time_throws(thrown.rig, thrown.throws);
     const Solution start =
         test::rough_start(test::true_solution(thrown, timed), 0.2, 0.3, 0.6, seed);
-    const Solution at = iterate_throws(thrown.rig, timed, start, Method::rb_ekf, {.ekf = {}, .sweeps = 10});
+    const Solution at =
+        iterate_throws(thrown.rig, timed, start, Method::rb_ekf, {.ekf = {}, .sweeps = 10});
     filter += std::pow(rms_rotation(thrown, at.rig), 2);
     refined += std::pow(rms_rotation(thrown, refine(thrown.rig, timed, at).solution.rig), 2);
   }
@@ -39,7 +40,8 @@ TEST(ThrowIteration, RbEkfFindsClockOffsetsAndDragToo) {
       {.throws = 5, .max_offset_s = 0.015, .drag_per_m = 0.0175, .estimate_drag = true});
   const auto timed = time_throws(thrown.rig, thrown.throws);
   const Solution start = test::rough_start(test::true_solution(thrown, timed), 0.05, 0.1, 0.3, 4);
-  const Solution at = iterate_throws(thrown.rig, timed, start, Method::rb_ekf, {.ekf = {}, .sweeps = 15});
+  const Solution at =
+      iterate_throws(thrown.rig, timed, start, Method::rb_ekf, {.ekf = {}, .sweeps = 15});
   for (std::size_t k = 1; k < 4; ++k)
     EXPECT_NEAR(at.rig.time_offset_s[k], thrown.time_offset_s[k], 5e-4);
   EXPECT_NEAR(at.rig.drag_per_m, 0.0175, 0.004);

@@ -18,7 +18,8 @@ int count(const std::string& text, const std::string& what) {
 TEST(Picture, EveryCameraIsNamedAndEveryFlightIsDrawnInItsColour) {
   const test::Thrown thrown = test::make_thrown({.throws = 3});
   const std::string svg = to_svg(calibrate(thrown.rig, thrown.throws));
-  for (const CameraDescription& camera : thrown.rig.cameras) EXPECT_EQ(count(svg, ">" + camera.name + "<"), 1);
+  for (const CameraDescription& camera : thrown.rig.cameras)
+    EXPECT_EQ(count(svg, ">" + camera.name + "<"), 1);
   EXPECT_EQ(count(svg, "stroke-width=\"2.5\""), 3);
   EXPECT_EQ(count(svg, "nan"), 0);
   EXPECT_EQ(count(svg, "<svg"), 1);
@@ -30,7 +31,8 @@ TEST(Picture, ACalibrationWithoutPosesIsAnEmptySheetAndNamesAreEscaped) {
   EXPECT_EQ(count(empty, "nan"), 0);
   EXPECT_EQ(count(empty, "inf"), 0);
   Calibration named;
-  named.cameras.push_back({.name = "a<b&c", .T_world_cam = Rigid{}, .covariance = {}, .sigma_time_offset_s = {}});
+  named.cameras.push_back(
+      {.name = "a<b&c", .T_world_cam = Rigid{}, .covariance = {}, .sigma_time_offset_s = {}});
   EXPECT_EQ(count(to_svg(named), "a&lt;b&amp;c"), 1);
 }
 
