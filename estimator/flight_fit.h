@@ -50,8 +50,8 @@ struct FlightFitSettings {
   double gravity_mps2 = 9.80665;
   double drag_per_m = 0.0;
   double sigma_drag_per_m = 0.0;  ///< 0: drag is known; else it is estimated, with this prior
-  std::optional<Eigen::Vector3d>
-      gravity_cam_mps2;     ///< where known: only position and velocity are fitted
+  std::optional<Eigen::Vector3d> gravity_cam_mps2;  ///< where known in camera axes
+  double sigma_gravity_rad = 0.0;  ///< of that, each way; 0: only position and velocity are fitted
   bool noise_known = true;  ///< false: the residuals' own spread replaces the stated noise's scale
   bool search_outliers =
       true;  ///< survive gross outliers; false is faster and for clean candidates
@@ -72,8 +72,16 @@ std::optional<CameraFlight> fit_flight(CameraId camera, HostTime epoch,
                                        std::span<const TimedRay> rays,
                                        const FlightFitSettings& settings = {});
 
-/// Gravity in one camera's axes from all its flights [m/s^2]: weighted mean of the heaviest cluster
-/// of directions within 10 degrees. Nothing without a flight.
+/// What a camera's flights say of gravity: weighted mean of the heaviest cluster of directions
+/// within 10 degrees.
+struct GravityEstimate {
+  Eigen::Vector3d gravity_cam_mps2;
+  double sigma_rad = 0.0;  ///< each way, if the flights' own covariances are right
+  int flights = 0;         ///< in the cluster
+};
+std::optional<GravityEstimate> estimate_gravity(std::span<const CameraFlight> flights);
+
+/// Its mean alone [m/s^2]. Nothing without a flight.
 std::optional<Eigen::Vector3d> mean_gravity(std::span<const CameraFlight> flights);
 
 /// All flights of one camera: each alone, then again with the gravity that they agree on, which
