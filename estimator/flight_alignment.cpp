@@ -197,7 +197,9 @@ Eigen::Matrix3d level_rotation(const Eigen::Vector3d& gravity_cam) {
 
 double mismatch_chi2(const CameraAlignment& alignment, const CameraFlight& a,
                      const CameraFlight& b) {
-  const double chi2 = difference(alignment, a, b).chi2();
+  Difference d = difference(alignment, a, b);
+  d.covariance += d.J * alignment.covariance * d.J.transpose();
+  const double chi2 = d.chi2();
   return std::isfinite(chi2) ? chi2 : std::numeric_limits<double>::infinity();
 }
 

@@ -42,7 +42,8 @@ std::optional<CameraAlignment> align_cameras(std::span<const FlightPair> shared,
                                              const AlignmentSettings& settings = {});
 
 /// How badly a pair of flights contradicts an alignment: squared difference of position and
-/// velocity in the middle of their common time over its covariance, 6 degrees of freedom.
+/// velocity in the middle of their common time over its covariance, the alignment's included; 6
+/// degrees of freedom for a pair that had no part in the alignment.
 double mismatch_chi2(const CameraAlignment& alignment, const CameraFlight& a,
                      const CameraFlight& b);
 

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "estimator/throw_edges.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <span>
+
+namespace throwcal {
+namespace {
+
+constexpr int max_cut_frames = 5, rounds = 2;
+constexpr double excess_sigmas = 2.5;
+constexpr std::size_t min_left = 8;
+
+/// Throw's clock, seconds after an arbitrary but common origin.
+double time_of(const ThrowPart& part, std::size_t i, HostTime origin) {
+  return seconds(part.epoch - origin) + part.rays[i].time_s + part.offset_s;
+}
+
+/// First (or last) moment at which any camera saw the throw.
+double edge_time(const std::vector<ThrowPart>& parts, HostTime origin, bool front) {
+  double out = front ? 1e300 : -1e300;
+  for (const ThrowPart& part : parts) {
+    const double t = time_of(part, front ? 0 : part.rays.size() - 1, origin);
+    out = front ? std::min(out, t) : std::max(out, t);
+  }
+  return out;
+}
+
+/// How many of a part's sightings lie before (or after) a moment.
+std::size_t count_beyond(const ThrowPart& part, HostTime origin, double moment_s, bool front) {
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < part.rays.size(); ++i) {
+    const double t = time_of(part, i, origin);
+    if (front ? t < moment_s : t > moment_s) ++n;
+  }
+  return n;
+}
+
+std::optional<CameraFlight> fit(const ThrowPart& part, std::size_t skip, bool front) {
+  const std::span<const TimedRay> all(part.rays);
+  return fit_flight(part.track.camera, part.epoch,
+                    front ? all.subspan(skip) : all.first(all.size() - skip), part.settings);
+}
+
+void drop(ThrowPart& part, std::size_t count, bool front) {
+  const auto n = static_cast<std::ptrdiff_t>(count);
+  auto& sightings = part.track.sightings;
+  if (front) {
+    sightings.erase(sightings.begin(), sightings.begin() + n);
+    part.rays.erase(part.rays.begin(), part.rays.begin() + n);
+  } else {
+    sightings.erase(sightings.end() - n, sightings.end());
+    part.rays.erase(part.rays.end() - n, part.rays.end());
+  }
+}
+
+/// By how many sigmas what lies beyond a moment costs more than chance, over all cameras.
+double excess(const std::vector<ThrowPart>& parts, HostTime origin, double moment_s, bool front) {
+  double cost = 0.0, freedom = 0.0;
+  for (const ThrowPart& part : parts) {
+    const std::size_t n = count_beyond(part, origin, moment_s, front);
+    if (n == 0 || part.rays.size() < min_left + n) continue;
+    const auto with = fit(part, 0, front), without = fit(part, n, front);
+    if (!with || !without) continue;
+    // An edge sighting that the fit already left out as an outlier costs what an outlier may.
+    cost += with->chi2 - without->chi2;
+    const double used = 0.5 * (with->dof - without->dof);
+    cost += 16.0 * (static_cast<double>(n) - used);
+    freedom += 2.0 * static_cast<double>(n);
+  }
+  return freedom > 0 ? (cost - freedom) / std::sqrt(2.0 * freedom) : 0.0;
+}
+
+void cut(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+  for (int round = 0; round < rounds; ++round) {
+    const double edge_s = edge_time(parts, origin, front);
+    double worst = excess_sigmas, moment_s = 0.0;
+    for (int k = 1; k <= max_cut_frames; ++k) {
+      const double m = front ? edge_s + (k - 0.5) * frame_s : edge_s - (k - 0.5) * frame_s;
+      const double z = excess(parts, origin, m, front);
+      if (z <= worst) continue;
+      worst = z;
+      moment_s = m;
+    }
+    if (worst == excess_sigmas) return;
+    for (ThrowPart& part : parts) {
+      const std::size_t n = count_beyond(part, origin, moment_s, front);
+      if (n > 0 && part.rays.size() >= min_left + n) drop(part, n, front);
+    }
+  }
+}
+
+/// The outermost frame cannot be told from its neighbour on the other side of the edge.
+void guard(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+  const double edge_s = edge_time(parts, origin, front);
+  const double moment_s = front ? edge_s + 0.75 * frame_s : edge_s - 0.75 * frame_s;
+  for (ThrowPart& part : parts) {
+    const std::size_t n = count_beyond(part, origin, moment_s, front);
+    if (n > 0 && part.rays.size() > min_left + n) drop(part, n, front);
+  }
+}
+
+}  // namespace
+
+void cut_edges(std::vector<ThrowPart>& parts) {
+  if (parts.empty()) return;
+  const HostTime origin = parts.front().epoch;
+  double frame_s = 0.0;
+  for (const ThrowPart& part : parts) frame_s = std::max(frame_s, part.frame_interval_s);
+  for (const bool front : {true, false}) cut(parts, origin, frame_s, front);
+  for (const bool front : {true, false}) guard(parts, origin, frame_s, front);
+}
+
+}  // namespace throwcal
