@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
 #include "estimator/refinement.h"
 #include "tests/support/true_solution.h"
@@ -125,33 +124,6 @@ TEST(Calibrate, RbEkfAloneIsUsableAndHonestAboutIt) {
   const Calibration at = calibrate(thrown.rig, thrown.throws, settings);
   EXPECT_EQ(at.method, Method::rb_ekf);
   EXPECT_LT(worst_position_m(thrown, at), 0.01);
-}
-
-TEST(Calibrate, SightingsThatAreNoFlightsNeverMakeAnAcceptedRig) {
-  Thrown thrown = make_thrown({.throws = 4});
-  std::mt19937 engine(5);
-  std::uniform_real_distribution<double> u(0, 1279), v(0, 719);
-  for (Throw& t : thrown.throws)
-    for (Track& track : t.tracks)
-      for (BallSighting& s : track.sightings) s.center_px = {u(engine), v(engine)};
-  EXPECT_NE(calibrate(thrown.rig, thrown.throws).verdict, Verdict::accepted);
-  for (Throw& t : thrown.throws)
-    for (Track& track : t.tracks)
-      for (BallSighting& s : track.sightings) s.center_px = {640, 360};
-  EXPECT_NE(calibrate(thrown.rig, thrown.throws).verdict, Verdict::accepted);
-}
-
-TEST(Calibrate, CrumbsBesideGoodThrowsDoNoHarm) {
-  Thrown thrown = make_thrown({});
-  const Calibration plain = calibrate(thrown.rig, thrown.throws);
-  Throw crumb{"crumb", {{0, {}}, {2, {}}}};
-  for (int i = 0; i < 3; ++i)
-    crumb.tracks[0].sightings.push_back(thrown.throws[0].tracks[0].sightings[i]);
-  thrown.throws.push_back(crumb);
-  thrown.throws.push_back({"empty", {}});
-  const Calibration at = calibrate(thrown.rig, thrown.throws);
-  EXPECT_EQ(at.verdict, Verdict::accepted);
-  EXPECT_NEAR(worst_position_m(thrown, at), worst_position_m(thrown, plain), 1e-6);
 }
 
 TEST(Calibrate, EverySightingGivenHasItsResidual) {

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <unistd.h>
+
+#include <cstdio>
+
+#include "firmware/box_client.h"
+#include "firmware/calibration_table.h"
+#include "firmware/commands.h"
+#include "firmware/export.h"
+#include "firmware/input_error.h"
+#include "firmware/text_file.h"
+
+namespace throwcal {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+struct BoxOptions {
+  std::string host = "127.0.0.1:7710";
+  bool json = false;
+
+  BoxClient connect() const {
+    const auto address = parse_address(host, 7710);
+    if (!address) throw InputError("--host " + host + ": expected HOST or HOST:PORT");
+    return BoxClient(*address);
+  }
+};
+
+std::string text_or(const Json& object, const char* key, const std::string& otherwise) {
+  return object.contains(key) && object[key].is_string() ? object[key].get<std::string>()
+                                                         : otherwise;
+}
+
+/// One line: what the box does now.
+std::string status_line(const Json& status) {
+  std::string line = status.at("state").get<std::string>() + ": " +
+                     std::to_string(status.at("throws").get<int>()) + " throws";
+  if (status.at("worst_sigma_position_m").is_number()) {
+    char sigma[64];
+    std::snprintf(sigma, sizeof sigma, ", worst sigma %.2f mm %.2f mrad",
+                  1e3 * status.at("worst_sigma_position_m").get<double>(),
+                  1e3 * status.at("worst_sigma_rotation_rad").get<double>());
+    line += sigma;
+  }
+  if (const auto verdict = text_or(status, "verdict", ""); !verdict.empty()) line += ", " + verdict;
+  return line;
+}
+
+std::string status_text(const Json& status) {
+  std::string out = status_line(status) + "\n";
+  for (const Json& camera : status.at("cameras")) {
+    char line[160];
+    std::snprintf(line, sizeof line, "  %-12s %6.1f frames/s  %8lld frames  %lld lost  %d flights",
+                  camera.at("name").get<std::string>().c_str(),
+                  camera.at("frames_per_s").get<double>(), camera.at("frames").get<long long>(),
+                  camera.at("frames_lost_by_driver").get<long long>() +
+                      camera.at("frames_dropped").get<long long>(),
+                  camera.at("flights").get<int>());
+    out += line;
+    if (const auto error = text_or(camera, "error", ""); !error.empty()) out += "  " + error;
+    out += '\n';
+  }
+  return out;
+}
+
+void print(const Json& value, const std::string& text, bool json) {
+  const std::string out = json ? value.dump(2) + "\n" : text;
+  std::fputs(out.c_str(), stdout);
+}
+
+/// Shows one status after the other, on a terminal over the last one, elsewhere a line a change.
+class LiveLine {
+ public:
+  explicit LiveLine(bool json) : json_(json), on_terminal_(!json && isatty(STDOUT_FILENO) == 1) {}
+  ~LiveLine() {
+    if (on_terminal_ && !last_.empty()) std::putchar('\n');
+  }
+  LiveLine(const LiveLine&) = delete;
+  LiveLine& operator=(const LiveLine&) = delete;
+
+  void show(const Json& status) {
+    const std::string line = json_ ? status.dump() : status_line(status);
+    if (line == last_) return;
+    last_ = line;
+    std::printf(on_terminal_ ? "\r\033[K%s" : "%s\n", line.c_str());
+    std::fflush(stdout);
+  }
+
+ private:
+  bool json_, on_terminal_;
+  std::string last_;
+};
+
+/// Follows the box's status until `enough` says so; false when the time is up.
+template <typename Enough>
+bool follow(BoxClient& box, LiveLine& line, double timeout_s, const Enough& enough) {
+  const auto deadline = Clock::now() + std::chrono::duration<double>(timeout_s);
+  Json status = box.call("status.subscribe");
+  for (;;) {
+    line.show(status);
+    if (enough(status)) return true;
+    const auto left = deadline - Clock::now();
+    if (timeout_s > 0 && left <= 0s) return false;
+    const auto wait = timeout_s > 0 ? std::min<Clock::duration>(
+                                          std::chrono::duration_cast<Clock::duration>(left), 1s)
+                                    : 1s;
+    if (auto next = box.notification(std::chrono::ceil<std::chrono::milliseconds>(wait)))
+      status = std::move(*next);
+  }
+}
+
+void add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+  auto* command = app.add_subcommand("status", "What the box does now");
+  command->footer("Example:\n  throwcal status --host box.local");
+  command->callback([box, &status] {
+    BoxClient client = box->connect();
+    const Json now = client.call("status.get");
+    print(now, status_text(now), box->json);
+    status = exit_accepted;
+  });
+}
+
+void start_capture(const BoxOptions& options) {
+  BoxClient box = options.connect();
+  const Json now = box.call("capture.start");
+  print(now, "capturing, session " + now.at("session").dump() + ": throw the ball\n", options.json);
+}
+
+void stop_capture(const BoxOptions& options, double timeout_s, bool wait) {
+  BoxClient box = options.connect();
+  Json now = box.call("capture.stop");
+  const Json session = now.at("session");
+  if (wait) {
+    LiveLine quiet(true);
+    const auto deadline = Clock::now() + std::chrono::duration<double>(timeout_s);
+    now = box.call("status.subscribe");
+    while (now.at("state") == "solving" && now.at("session") == session) {
+      if (Clock::now() > deadline)
+        throw BoxError("the box is still solving after " + shortest(timeout_s) + " s");
+      if (auto next = box.notification(1s)) now = std::move(*next);
+    }
+  }
+  print(now, status_line(now) + "\n", options.json);
+}
+
+void add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+  auto* capture = app.add_subcommand("capture", "Start or stop a session of throws");
+  capture->require_subcommand(1);
+  capture->footer(
+      "Example:\n  throwcal capture start && throwcal watch --until-throws 5 && throwcal capture "
+      "stop && throwcal fetch");
+  auto* start = capture->add_subcommand("start", "From now on, throws count");
+  start->callback([box, &status] {
+    start_capture(*box);
+    status = exit_accepted;
+  });
+  auto* stop = capture->add_subcommand("stop", "No more throws; solve, and wait for the result");
+  auto timeout_s = std::make_shared<double>(120.0);
+  auto no_wait = std::make_shared<bool>(false);
+  stop->add_option("--timeout", *timeout_s, "How long to wait for the result [s]")
+      ->capture_default_str();
+  stop->add_flag("--no-wait", *no_wait, "Return as soon as the box has taken note");
+  stop->callback([box, timeout_s, no_wait, &status] {
+    stop_capture(*box, *timeout_s, !*no_wait);
+    status = exit_accepted;
+  });
+}
+
+void add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+  auto* command = app.add_subcommand("fetch", "Get the latest calibration");
+  auto output = std::make_shared<std::string>();
+  auto truth = std::make_shared<std::string>();
+  command->add_option("--output", *output, "Where it goes (JSON)");
+  command->add_option("--truth", *truth, "A truth file of throwcal simulate to compare with");
+  command->footer(
+      "Example:\n  throwcal fetch --output calibration.json\n"
+      "Exit status: 0 accepted; 3 the verdict is another; 1 no box, or it has no calibration.");
+  command->callback([box, output, truth, &status] {
+    std::optional<Calibration> true_rig;
+    if (!truth->empty()) true_rig = from_json(read_json(*truth), *truth);
+    const Json document = box->connect().call("calibration.latest");
+    const Calibration calibration = from_json(document, "the box's calibration");
+    if (!output->empty()) write_text_file(*output, document.dump(2) + "\n");
+    print(document, calibration_table(calibration, true_rig), box->json);
+    status = calibration.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;
+  });
+}
+
+void add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+  auto* command = app.add_subcommand("watch", "Follow what the box does");
+  auto throws = std::make_shared<int>(0);
+  auto timeout_s = std::make_shared<double>(0.0);
+  command->add_option("--until-throws", *throws, "Return once that many throws are found");
+  command->add_option("--timeout", *timeout_s, "Give up after so many seconds (exit status 1)");
+  command->footer("Example:\n  throwcal watch --until-throws 5 --timeout 60");
+  command->callback([box, throws, timeout_s, &status] {
+    BoxClient client = box->connect();
+    LiveLine line(box->json);
+    const bool reached = follow(client, line, *timeout_s, [&](const Json& now) {
+      return *throws > 0 && now.at("throws").get<int>() >= *throws;
+    });
+    status = reached ? exit_accepted : exit_failed;
+    if (!reached && *throws > 0)
+      throw BoxError("only after " + shortest(*timeout_s) + " s: fewer than " +
+                     std::to_string(*throws) + " throws");
+  });
+}
+
+}  // namespace
+
+void add_box_commands(CLI::App& app, int& status) {
+  auto box = std::make_shared<BoxOptions>();
+  const auto before = app.get_subcommands({}).size();
+  add_status(app, status, box);
+  add_capture(app, status, box);
+  add_fetch(app, status, box);
+  add_watch(app, status, box);
+  const auto all = app.get_subcommands({});
+  for (std::size_t i = before; i < all.size(); ++i) {
+    all[i]->add_option("--host", box->host, "The box: HOST or HOST:PORT")->capture_default_str();
+    all[i]->add_flag("--json", box->json, "Print JSON for scripts");
+    for (CLI::App* nested : all[i]->get_subcommands({})) nested->fallthrough();
+  }
+}
+
+}  // namespace throwcal

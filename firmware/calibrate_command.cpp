@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cstdio>
+
+#include "capture/camera_factory.h"
+#include "capture/rig.h"
+#include "firmware/calibration_table.h"
+#include "firmware/cameras.h"
+#include "firmware/commands.h"
+#include "firmware/config.h"
+#include "firmware/export.h"
+#include "firmware/input_error.h"
+#include "firmware/progress_bar.h"
+#include "firmware/sightings_file.h"
+#include "firmware/text_file.h"
+#include "firmware/throw_search.h"
+
+namespace throwcal {
+namespace {
+
+struct CalibrateOptions {
+  std::string rig, sightings, output, method = "full", guess, residuals;
+  std::vector<std::string> videos;  ///< "name=path" each
+  int throw_iterations = CalibrateSettings{}.throw_iterations;
+  bool json = false;
+};
+
+/// What was read, and the throws in it.
+struct Recording {
+  std::vector<BallSighting> sightings;
+  std::vector<Throw> throws;
+};
+
+Recording read_sightings_recording(const Config& config, const std::string& file) {
+  const std::vector<SightingRow> rows = read_sightings(file, config.rig);
+  Recording out;
+  for (const SightingRow& row : rows) out.sightings.push_back(row.sighting);
+  out.throws = labelled_throws(rows);
+  const std::vector<FrameSightings> frames = unlabelled_frames(rows);
+  if (frames.empty()) return out;
+  ProgressBar bar("finding flights");
+  std::size_t next = 0;
+  const bool some_labelled = !out.throws.empty();
+  for (Throw& found : find_throws(config.rig, [&]() -> std::optional<FrameSightings> {
+         bar.show(static_cast<double>(next) / static_cast<double>(frames.size()));
+         return next < frames.size() ? std::optional(frames[next++]) : std::nullopt;
+       })) {
+    if (some_labelled) found.id = "found-" + found.id;  // apart from the labels given
+    out.throws.push_back(std::move(found));
+  }
+  return out;
+}
+
+/// The camera that "name=path" plays, by the rig file's name.
+std::unique_ptr<Camera> open_video(const std::string& video, const Config& config) {
+  const std::size_t equals = video.find('=');
+  const std::string name = video.substr(0, equals);
+  if (equals == video.npos || equals + 1 == video.size())
+    throw InputError("--video " + video + ": expected NAME=PATH, as in north=north.mkv");
+  const auto& cameras = config.rig.cameras;
+  const auto found = std::ranges::find(cameras, name, &CameraDescription::name);
+  if (found == cameras.end())
+    throw InputError("--video " + video + ": camera \"" + name + "\" is not in the rig file");
+  CameraSource source;
+  source.id = static_cast<CameraId>(found - cameras.begin());
+  source.name = name;
+  source.source = "video:" + video.substr(equals + 1);
+  source.model = found->model;
+  source.paced = false;
+  return make_camera(source);
+}
+
+std::vector<std::unique_ptr<Camera>> open_videos(const std::vector<std::string>& videos,
+                                                 const Config& config) {
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (const std::string& video : videos) {
+    cameras.push_back(open_video(video, config));
+    const auto twice = [&](const auto& c) { return c->name() == cameras.back()->name(); };
+    if (std::ranges::count_if(cameras, twice) > 1)
+      throw InputError("--video " + video + ": camera \"" + cameras.back()->name() +
+                       "\" has a video already");
+  }
+  return cameras;
+}
+
+void check_ended_well(const Rig& rig) {
+  for (const CameraStats& camera : rig.stats())
+    if (!camera.error.empty()) throw InputError("camera \"" + camera.name + "\": " + camera.error);
+  if (const auto lost = rig.sightings_dropped(); lost > 0)
+    throw InputError("the sightings of " + std::to_string(lost) +
+                     " frames were lost between detector and estimator");
+}
+
+Recording read_videos(const Config& config, const std::vector<std::string>& videos) {
+  Rig rig(open_videos(videos, config), rig_settings(config));
+  rig.start();
+  ProgressBar bar("watching the videos");
+  Recording out;
+  std::size_t frames = 0;
+  std::vector<std::uint64_t> sightings_of(config.rig.cameras.size());
+  out.throws = find_throws(config.rig, [&] {
+    std::optional<FrameSightings> frame = rig.next({});
+    bar.show_count(std::to_string(++frames) + " frames");
+    if (frame)
+      for (BallSighting& sighting : frame->sightings) {
+        sighting.id = (std::uint64_t{frame->camera} << 40) + ++sightings_of[frame->camera];
+        out.sightings.push_back(sighting);
+      }
+    return frame;
+  });
+  check_ended_well(rig);
+  std::ranges::sort(out.sightings, {}, [](const auto& s) { return std::pair(s.time, s.id); });
+  return out;
+}
+
+CalibrateSettings settings_of(const CalibrateOptions& options, const Config& config) {
+  CalibrateSettings settings;
+  settings.method = parse_method(options.method).value();
+  settings.throw_iterations = options.throw_iterations;
+  if (!options.guess.empty())
+    settings.guess = to_guess(read_json(options.guess), config.rig, options.guess);
+  return settings;
+}
+
+int run(const CalibrateOptions& options) {
+  const Config config = read_config(options.rig);
+  for (const std::string& warning : config.warnings)
+    std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
+  CalibrateSettings settings = settings_of(options, config);
+  const Recording recording = options.videos.empty()
+                                  ? read_sightings_recording(config, options.sightings)
+                                  : read_videos(config, options.videos);
+  Calibration result;
+  {
+    ProgressBar bar("calibrating");
+    settings.progress = [&](double fraction) { bar.show(fraction); };
+    result = calibrate(config.rig, recording.throws, settings);
+  }
+  const std::string document = to_json(result, utc_now()).dump(2) + "\n";
+  if (!options.residuals.empty())
+    write_text_file(options.residuals, to_residuals_csv(recording.sightings, result));
+  if (!options.output.empty()) write_text_file(options.output, document);
+  std::fputs(options.json ? document.c_str() : calibration_table(result).c_str(), stdout);
+  return result.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;
+}
+
+constexpr const char* footer = R"(Examples:
+  throwcal calibrate --rig rig.toml --sightings sightings.csv --output calibration.json
+  throwcal calibrate --rig rig.toml --video north=north.mkv --video east=east.mkv --output calibration.json
+Sightings: a CSV file with the header camera,time_s,u_px,v_px[,radius_px][,throw]. Rows that have no throw
+label may hold anything ball-like; the flights in them are found.
+Videos: frame times come from NAME.timestamps.txt beside NAME.mkv (timestamp format v2), else from the file.
+Exit status: 0 accepted; 3 a result was written but its verdict is not accepted; 2 the input is unusable.)";
+
+}  // namespace
+
+void add_calibrate_command(CLI::App& app, int& status) {
+  auto* command = app.add_subcommand("calibrate", "Calibrate a rig from sightings or videos");
+  auto options = std::make_shared<CalibrateOptions>();
+  command->footer(footer);
+  command->add_option("--rig", options->rig, "The rig file (TOML)")->required();
+  auto* sightings = command->add_option("--sightings", options->sightings, "The sightings (CSV)");
+  auto* videos = command->add_option("--video", options->videos,
+                                     "NAME=PATH: what a camera saw; once a camera");
+  sightings->excludes(videos);
+  command->add_option("--output", options->output, "Where the calibration goes (JSON)");
+  command->add_option("--method", options->method, "full, rb-ekf, r-ekf or ekf")
+      ->check(CLI::IsMember({"full", "rb-ekf", "r-ekf", "ekf"}))
+      ->capture_default_str();
+  command->add_option("--throw-iterations", options->throw_iterations, "Sweeps of the filters")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--guess", options->guess,
+                      "A calibration file to start from in place of the closed form");
+  command->add_option("--residuals", options->residuals,
+                      "Where every sighting's residual goes (CSV)");
+  command->add_flag("--json", options->json, "Print the calibration in place of the table");
+  command->callback([options, &status] {
+    if (options->sightings.empty() && options->videos.empty())
+      throw InputError("calibrate: expected --sightings FILE or --video NAME=PATH");
+    status = run(*options);
+  });
+}
+
+}  // namespace throwcal

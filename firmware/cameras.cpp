@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/cameras.h"
+
+#include <chrono>
+
+#include "capture/camera_factory.h"
+#include "firmware/input_error.h"
+
+namespace throwcal {
+namespace {
+
+HostTime host_now() {
+  return HostTime(std::chrono::duration_cast<HostClock::duration>(
+      std::chrono::steady_clock::now().time_since_epoch()));
+}
+
+/// A simulated picture must be what the rig file says of its camera.
+void check_simulated(const Config& config, CameraId id, const SimulatedScene& scene) {
+  const CameraDescription& camera = config.rig.cameras[id];
+  const std::string place = "camera \"" + camera.name + "\": ";
+  if (id >= static_cast<CameraId>(scene.settings().cameras))
+    throw InputError(place + "[simulation] has only " + std::to_string(scene.settings().cameras) +
+                     " cameras; expected one for each simulated camera");
+  if (camera.model.width_px != scene.settings().width_px ||
+      camera.model.height_px != scene.settings().height_px)
+    throw InputError(place + "width_px and height_px must be those of [simulation]");
+}
+
+}  // namespace
+
+std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
+  const auto scene = std::make_shared<const SimulatedScene>(config.simulation);
+  const HostTime start = host_now();
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (CameraId id = 0; id < config.rig.cameras.size(); ++id) {
+    const CameraDescription& camera = config.rig.cameras[id];
+    CameraSource source;
+    source.id = id;
+    source.name = camera.name;
+    source.source = config.sources[id];
+    source.model = camera.model;
+    source.scene = scene;
+    source.scene_start = start;
+    if (source.source.empty())
+      throw InputError("camera \"" + camera.name +
+                       "\" has no source; expected source = \"simulated\" or \"video:PATH\"");
+    if (source.source == "simulated") check_simulated(config, id, *scene);
+    cameras.push_back(make_camera(source));
+  }
+  return cameras;
+}
+
+RigSettings rig_settings(const Config& config) {
+  RigSettings settings;
+  settings.ball_diameter_m = config.rig.ball.diameter_m;
+  return settings;
+}
+
+}  // namespace throwcal

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "capture/camera.h"
+#include "capture/rig.h"
+#include "firmware/config.h"
+
+namespace throwcal {
+
+/// The rig file's cameras, opened by their `source` keys. Throws InputError (camera and what was
+/// expected) or what the driver says.
+std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);
+
+/// What the detectors must know of the ball.
+RigSettings rig_settings(const Config& config);
+
+}  // namespace throwcal

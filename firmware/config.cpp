@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/config.h"
+
+#include <algorithm>
+#include <charconv>
+#include <numbers>
+#include <set>
+
+#include "estimator/ballistics.h"
+#include "firmware/text_file.h"
+
+namespace throwcal {
+namespace {
+
+constexpr std::size_t min_cameras = 2, max_cameras = 64;
+constexpr std::int64_t max_side_px = 65536;
+
+const NumberRange any{.text = "a finite number"};
+
+NumberRange positive_up_to(double high, const std::string& text) {
+  return {.text = text, .low = 0.0, .high = high, .low_excluded = true};
+}
+NumberRange between(double low, double high, const std::string& text) {
+  return {.text = text, .low = low, .high = high};
+}
+const NumberRange positive = positive_up_to(1e6, "a positive number");
+
+/// The tables of a rig file that are not cameras.
+class TopLevel {
+ public:
+  TopLevel(const toml::table& document, const std::string& name)
+      : document_(document), name_(name) {}
+
+  /// [name]; an empty one where the file has none.
+  TomlTable table(const std::string& key) const {
+    static const toml::table none;
+    const toml::node* node = document_.get(key);
+    if (node && !node->is_table())
+      throw InputError(name_ + ":" + std::to_string(node->source().begin.line) + ": " + key +
+                       " must be a table, written [" + key + "]");
+    return {node ? *node->as_table() : none, name_, "[" + key + "]"};
+  }
+
+ private:
+  const toml::table& document_;
+  const std::string& name_;
+};
+
+double read_site(TomlTable site, Config& config) {
+  const auto gravity =
+      site.number("gravity_mps2", positive_up_to(100.0, "a positive number of m/s^2, 100 at most"));
+  const auto latitude =
+      site.number("latitude_deg", between(-90, 90, "a latitude in degrees, from -90 to 90"));
+  const auto altitude =
+      site.number("altitude_m", between(-500, 9000, "a height in metres, from -500 to 9000"));
+  RigDescription& rig = config.rig;
+  if (gravity) {
+    rig.gravity_mps2 = *gravity;
+    rig.gravity_source = "rig file";
+  } else if (latitude) {
+    rig.gravity_mps2 =
+        normal_gravity_mps2(*latitude * std::numbers::pi / 180.0, altitude.value_or(0.0));
+    rig.gravity_source = "latitude and altitude";
+  }
+  std::ranges::copy(site.unread(), std::back_inserter(config.warnings));
+  return altitude.value_or(0.0);
+}
+
+void read_ball(TomlTable ball, double altitude_m, Config& config) {
+  BallDescription& out = config.rig.ball;
+  const auto diameter =
+      ball.number("diameter_m", positive_up_to(5.0, "a positive number of metres, 5 at most"));
+  const auto mass =
+      ball.number("mass_kg", positive_up_to(100.0, "a positive number of kilograms, 100 at most"));
+  const auto coefficient =
+      ball.number("drag_coefficient", between(0.0, 10.0, "a number from 0 to 10")).value_or(0.47);
+  const std::string drag =
+      ball.choice("drag", {"none", "from-ball", "estimate"}).value_or("estimate");
+  if (drag == "from-ball" && !diameter) ball.missing("diameter_m", "it, as drag is \"from-ball\"");
+  if (drag == "from-ball" && !mass) ball.missing("mass_kg", "it, as drag is \"from-ball\"");
+  out.diameter_m = diameter.value_or(out.diameter_m);
+  out.estimate_drag = drag == "estimate";
+  if (drag != "none" && mass)
+    out.drag_per_m = sphere_drag_per_m(out.diameter_m, *mass, coefficient, altitude_m);
+  std::ranges::copy(ball.unread(), std::back_inserter(config.warnings));
+}
+
+void read_target(TomlTable target, Config& config) {
+  Target& out = config.rig.target;
+  out.position_m = target.number("position_m", positive).value_or(out.position_m);
+  out.rotation_rad = target.number("rotation_rad", positive).value_or(out.rotation_rad);
+  std::ranges::copy(target.unread(), std::back_inserter(config.warnings));
+}
+
+void read_timing(TomlTable timing, Config& config) {
+  config.rig.estimate_offsets =
+      timing.choice("offsets", {"estimate", "none"}).value_or("estimate") == "estimate";
+  std::ranges::copy(timing.unread(), std::back_inserter(config.warnings));
+}
+
+void read_distortion(TomlTable& camera, CameraModel& model) {
+  const auto given = camera.numbers("distortion");
+  if (!given || given->empty()) return;
+  if (model.lens == Lens::radtan && given->size() != 4 && given->size() != 5)
+    camera.reject("distortion", "4 or 5 numbers (k1, k2, p1, p2, k3) for a radtan lens");
+  if (model.lens == Lens::kb4 && given->size() != 4)
+    camera.reject("distortion", "4 numbers (k1 to k4) for a kb4 lens");
+  std::ranges::copy(*given, model.distortion.begin());
+}
+
+CameraModel read_model(TomlTable& camera) {
+  CameraModel model;
+  model.width_px = static_cast<int>(camera.required_integer("width_px", 1, max_side_px));
+  model.height_px = static_cast<int>(camera.required_integer("height_px", 1, max_side_px));
+  const auto lens = camera.choice("lens", {"radtan", "kb4"});
+  if (!lens) camera.missing("lens", "\"radtan\" or \"kb4\"");
+  model.lens = *lens == "kb4" ? Lens::kb4 : Lens::radtan;
+  model.fx_px = camera.required_number("fx_px", positive);
+  model.fy_px = camera.required_number("fy_px", positive);
+  model.cx_px = camera.required_number("cx_px", any);
+  model.cy_px = camera.required_number("cy_px", any);
+  model.skew_px = camera.number("skew_px", any).value_or(0.0);
+  model.row_time_s =
+      camera.number("row_time_s", between(0.0, 0.01, "a number of seconds from 0 to 0.01"))
+          .value_or(0.0);
+  read_distortion(camera, model);
+  return model;
+}
+
+bool is_name(std::string_view text) {
+  constexpr std::string_view letters =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
+  return !text.empty() && text.size() <= 32 && text.find_first_not_of(letters) == text.npos;
+}
+
+/// "video:clip.mkv" is beside the rig file, wherever that is read from.
+std::string read_source(TomlTable& camera, const std::filesystem::path& folder) {
+  const std::string source = camera.text("source").value_or("");
+  constexpr std::string_view video = "video:";
+  if (source.empty() || source == "simulated") return source;
+  if (!source.starts_with(video) || source.size() == video.size())
+    camera.reject("source", "\"simulated\" or \"video:PATH\"");
+  return std::string(video) + (folder / source.substr(video.size())).string();
+}
+
+void read_camera(const toml::table& table, const std::string& name,
+                 const std::filesystem::path& folder, Config& config) {
+  const std::string ordinal = "camera " + std::to_string(config.rig.cameras.size() + 1);
+  TomlTable camera(table, name, ordinal + ":");
+  CameraDescription out;
+  const auto given = camera.text("name");
+  if (!given) camera.missing("name", "1 to 32 of the letters A-Z a-z 0-9 _ -");
+  if (!is_name(*given)) camera.reject("name", "1 to 32 of the letters A-Z a-z 0-9 _ -");
+  out.name = *given;
+  if (std::ranges::any_of(config.rig.cameras, [&](const auto& c) { return c.name == out.name; }))
+    camera.reject("name", "unique among the cameras");
+  camera.rename("camera \"" + out.name + "\":");
+  out.model = read_model(camera);
+  out.sigma_px = camera.number("sigma_px", positive_up_to(100, "a positive number, 100 at most"));
+  config.sources.push_back(read_source(camera, folder));
+  config.rig.cameras.push_back(std::move(out));
+  std::ranges::copy(camera.unread(), std::back_inserter(config.warnings));
+}
+
+void read_cameras(const toml::table& document, const std::string& name,
+                  const std::filesystem::path& folder, Config& config) {
+  const toml::node* node = document.get("camera");
+  const toml::array* list = node ? node->as_array() : nullptr;
+  const std::string expected =
+      std::to_string(min_cameras) + " to " + std::to_string(max_cameras) + " [[camera]] tables";
+  if (node && (!list || !list->is_homogeneous(toml::node_type::table)))
+    throw InputError(name + ":" + std::to_string(node->source().begin.line) +
+                     ": camera must be a list of tables, written [[camera]]");
+  const std::size_t count = list ? list->size() : 0;
+  if (count < min_cameras || count > max_cameras)
+    throw InputError(name + ": expected " + expected + ", got " + std::to_string(count));
+  for (const toml::node& camera : *list) read_camera(*camera.as_table(), name, folder, config);
+}
+
+/// Keys in a table that only the daemon reads: a misspelt one would silently do nothing.
+void refuse_unread(const TomlTable& table) {
+  if (const auto unread = table.unread(); !unread.empty()) throw InputError(unread.front());
+}
+
+void read_simulation(TomlTable table, SimulatedSceneSettings& s) {
+  const auto number = [&](std::string_view key, double& out, const NumberRange& range) {
+    out = table.number(key, range).value_or(out);
+  };
+  const auto integer = [&](std::string_view key, int& out, int low, int high) {
+    out = static_cast<int>(table.integer(key, low, high).value_or(out));
+  };
+  s.seed = static_cast<std::uint64_t>(
+      table.integer("seed", 0, 1'000'000'000).value_or(static_cast<std::int64_t>(s.seed)));
+  integer("cameras", s.cameras, 2, 8);
+  integer("width_px", s.width_px, 64, 4096);
+  integer("height_px", s.height_px, 48, 4096);
+  number("side_m", s.side_m, between(2.0, 20.0, "a number of metres from 2 to 20"));
+  number("focal_px", s.focal_px, positive_up_to(10000, "a positive number, 10000 at most"));
+  number("frames_per_s", s.frames_per_s, between(10, 1000, "a number from 10 to 1000"));
+  number("max_offset_s", s.max_offset_s, between(0, 0.05, "a number of seconds from 0 to 0.05"));
+  number("drag_per_m", s.drag_per_m, between(0, 1, "a number from 0 to 1"));
+  number("row_time_s", s.row_time_s, between(0, 1e-4, "a number of seconds from 0 to 0.0001"));
+  number("throw_interval_s", s.throw_interval_s,
+         between(2.0, 60.0, "a number of seconds from 2 to 60"));
+  number("exposure_s", s.exposure_s, between(0, 0.02, "a number of seconds from 0 to 0.02"));
+  refuse_unread(table);
+}
+
+void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& config) {
+  if (const auto listen = table.text("listen")) {
+    const auto address = parse_address(*listen, config.listen.port);
+    if (!address) table.reject("listen", "\"ADDRESS\" or \"ADDRESS:PORT\"");
+    config.listen = *address;
+  }
+  if (const auto state_dir = table.text("state_dir")) config.state_dir = folder / *state_dir;
+  config.unit = table.text("unit").value_or("");
+  refuse_unread(table);
+}
+
+toml::table parse(std::string_view toml, const std::string& name) {
+  try {
+    return toml::parse(toml, name);
+  } catch (const toml::parse_error& error) {
+    throw InputError(name + ":" + std::to_string(error.source().begin.line) +
+                     ": not TOML: " + std::string(error.description()));
+  }
+}
+
+void warn_of_unknown_tables(const toml::table& document, const std::string& name, Config& config) {
+  static const std::set<std::string_view> known{"site",   "ball",       "target", "timing",
+                                                "camera", "simulation", "daemon"};
+  for (const auto& [key, node] : document)
+    if (!known.contains(key.str()))
+      config.warnings.push_back(name + ":" + std::to_string(node.source().begin.line) + ": " +
+                                std::string(key.str()) + " is not a known key");
+}
+
+}  // namespace
+
+Config parse_config(std::string_view toml, const std::string& name,
+                    const std::filesystem::path& folder) {
+  const toml::table document = parse(toml, name);
+  const TopLevel top(document, name);
+  Config config;
+  warn_of_unknown_tables(document, name, config);
+  const double altitude_m = read_site(top.table("site"), config);
+  read_ball(top.table("ball"), altitude_m, config);
+  read_target(top.table("target"), config);
+  read_timing(top.table("timing"), config);
+  read_cameras(document, name, folder, config);
+  config.simulation.cameras = static_cast<int>(std::min<std::size_t>(config.sources.size(), 8));
+  read_simulation(top.table("simulation"), config.simulation);
+  read_daemon(top.table("daemon"), folder, config);
+  return config;
+}
+
+Config read_config(const std::filesystem::path& file) {
+  return parse_config(read_text_file(file), file.string(), file.parent_path());
+}
+
+std::optional<ListenAddress> parse_address(std::string_view text, int default_port) {
+  ListenAddress out{.host = std::string(text), .port = default_port};
+  const std::size_t colon = text.rfind(':');
+  const bool bracketed = text.starts_with('[');
+  const bool bare_v6 = !bracketed && colon != text.npos && text.find(':') != colon;
+  if (colon != text.npos && !bare_v6 && !text.ends_with(']')) {
+    const std::string_view port = text.substr(colon + 1);
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), out.port);
+    if (error != std::errc{} || end != port.data() + port.size()) return {};
+    if (out.port < 0 || out.port > 65535) return {};
+    out.host = std::string(text.substr(0, colon));
+  }
+  if (bracketed) {
+    if (!out.host.ends_with(']')) return {};
+    out.host = out.host.substr(1, out.host.size() - 2);
+  }
+  if (out.host.empty()) return {};
+  return out;
+}
+
+}  // namespace throwcal

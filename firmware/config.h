@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/simulated_scene.h"
+#include "estimator/rig_description.h"
+#include "firmware/toml_table.h"
+
+namespace throwcal {
+
+/// Where a service listens.
+struct ListenAddress {
+  std::string host = "0.0.0.0";
+  int port = 7710;  ///< 0: any free one
+};
+
+/// The rig file: what the estimator must know of the rig, and what the box must know to run it.
+struct Config {
+  RigDescription rig;
+  std::vector<std::string> sources;  ///< a camera each: "simulated", "video:PATH", or empty: none
+  SimulatedSceneSettings simulation;
+  ListenAddress listen;
+  std::optional<std::filesystem::path> state_dir;
+  std::string unit;                   ///< this box's name; empty: the host's
+  std::vector<std::string> warnings;  ///< keys that nobody reads, "rig.toml:7: ..." each
+};
+
+/// Reads a rig file (TOML). Throws InputError: "rig.toml:12: camera "north": fx_px must be a
+/// positive number, got -3". Keys it does not know are warnings in the contract's tables and errors
+/// in the daemon's own ([daemon], [simulation]). Relative paths are relative to the file.
+Config read_config(const std::filesystem::path& file);
+
+/// The same from text; `name` stands for the file in messages, `folder` for where relative paths
+/// start.
+Config parse_config(std::string_view toml, const std::string& name,
+                    const std::filesystem::path& folder = {});
+
+/// A rig file that read_config() reads back as the same configuration.
+std::string to_toml(const Config& config);
+
+/// "HOST", "HOST:PORT" or "[V6]:PORT"; nothing where it is none of these.
+std::optional<ListenAddress> parse_address(std::string_view text, int default_port);
+
+}  // namespace throwcal

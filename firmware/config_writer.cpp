@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <sstream>
+
+#include "firmware/config.h"
+#include "firmware/text_file.h"
+
+namespace throwcal {
+namespace {
+
+/// A TOML basic string.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
+void write_camera(std::ostream& out, const CameraDescription& camera, const std::string& source) {
+  const CameraModel& m = camera.model;
+  out << "\n[[camera]]\nname = " << quoted(camera.name) << "\nwidth_px = " << m.width_px
+      << "\nheight_px = " << m.height_px
+      << "\nlens = " << (m.lens == Lens::kb4 ? "\"kb4\"" : "\"radtan\"")
+      << "\nfx_px = " << shortest(m.fx_px) << "\nfy_px = " << shortest(m.fy_px)
+      << "\ncx_px = " << shortest(m.cx_px) << "\ncy_px = " << shortest(m.cy_px);
+  if (m.skew_px != 0.0) out << "\nskew_px = " << shortest(m.skew_px);
+  if (m.distortion != decltype(m.distortion){}) {
+    out << "\ndistortion = [";
+    const std::size_t count = m.lens == Lens::kb4 ? 4 : 5;
+    for (std::size_t i = 0; i < count; ++i) out << (i ? ", " : "") << shortest(m.distortion[i]);
+    out << "]";
+  }
+  if (m.row_time_s != 0.0) out << "\nrow_time_s = " << shortest(m.row_time_s);
+  if (camera.sigma_px) out << "\nsigma_px = " << shortest(*camera.sigma_px);
+  if (!source.empty()) out << "\nsource = " << quoted(source);
+  out << "\n";
+}
+
+void write_simulation(std::ostream& out, const SimulatedSceneSettings& s) {
+  out << "\n[simulation]\nseed = " << s.seed << "\ncameras = " << s.cameras
+      << "\nside_m = " << shortest(s.side_m) << "\nwidth_px = " << s.width_px
+      << "\nheight_px = " << s.height_px << "\nfocal_px = " << shortest(s.focal_px)
+      << "\nframes_per_s = " << shortest(s.frames_per_s)
+      << "\nmax_offset_s = " << shortest(s.max_offset_s)
+      << "\ndrag_per_m = " << shortest(s.drag_per_m) << "\nrow_time_s = " << shortest(s.row_time_s)
+      << "\nthrow_interval_s = " << shortest(s.throw_interval_s)
+      << "\nexposure_s = " << shortest(s.exposure_s) << "\n";
+}
+
+}  // namespace
+
+std::string to_toml(const Config& config) {
+  const RigDescription& rig = config.rig;
+  std::ostringstream out;
+  out << "[site]\ngravity_mps2 = " << shortest(rig.gravity_mps2)
+      << "\n\n[ball]\ndiameter_m = " << shortest(rig.ball.diameter_m)
+      << "\ndrag = " << (rig.ball.estimate_drag ? "\"estimate\"" : "\"none\"")
+      << "\n\n[target]\nposition_m = " << shortest(rig.target.position_m)
+      << "\nrotation_rad = " << shortest(rig.target.rotation_rad)
+      << "\n\n[timing]\noffsets = " << (rig.estimate_offsets ? "\"estimate\"" : "\"none\"")
+      << "\n\n[daemon]\nlisten = "
+      << quoted((config.listen.host.find(':') == std::string::npos
+                     ? config.listen.host
+                     : "[" + config.listen.host + "]") +
+                ":" + std::to_string(config.listen.port))
+      << "\n";
+  if (!config.unit.empty()) out << "unit = " << quoted(config.unit) << "\n";
+  if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
+  write_simulation(out, config.simulation);
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i)
+    write_camera(out, rig.cameras[i], config.sources[i]);
+  return out.str();
+}
+
+}  // namespace throwcal

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "firmware/config.h"
+#include "firmware/estimator_thread.h"
+#include "firmware/event_loop.h"
+#include "firmware/journal.h"
+#include "firmware/json_rpc.h"
+#include "firmware/news_box.h"
+#include "firmware/session.h"
+#include "firmware/status.h"
+#include "firmware/store.h"
+#include "firmware/tcp_link.h"
+
+namespace throwcal {
+
+struct DaemonSettings {
+  std::filesystem::path config_file, state_dir;
+  std::filesystem::path port_file;  ///< if not empty: gets the TCP port once it is open
+};
+
+/// The box: cameras, estimator thread, session, store and link, wired together in one main loop.
+/// All calls from the main thread.
+class Daemon {
+ public:
+  /// Opens the store, the cameras and the link; throws InputError, StoreError or what a camera
+  /// says. SIGTERM and SIGINT must be blocked by now.
+  Daemon(const Config& config, DaemonSettings settings);
+  ~Daemon();
+
+  void run();  ///< until SIGTERM or SIGINT
+
+  // What the links offer. They throw RpcError where it is not possible now.
+  JsonRpc::Json hello() const;
+  JsonRpc::Json status() const;
+  JsonRpc::Json start_capture();
+  JsonRpc::Json stop_capture();
+  JsonRpc::Json camera_list() const;
+  JsonRpc::Json system_info() const;
+  const Store& store() const { return store_; }
+
+ private:
+  void resume_unsolved();
+  bool cameras_are_warm() const;
+  void read_news();
+  void keep(const News& news);
+  void tick();
+  void tell_camera_faults(const Status& now);
+  void shut_down();
+  template <typename Work>
+  bool stored(const Work& work);
+  Status status_now() const;
+
+  const Config config_;
+  const DaemonSettings settings_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  EventLoop loop_;
+  LogOnce once_;
+  Store store_;
+  Rig rig_;
+  Session session_;
+  NewsBox news_;
+  JsonRpc rpc_;
+  TcpLink link_;
+  std::optional<std::string> fault_;
+  std::optional<EstimatorThread> estimator_;
+  EventLoop::Source term_, interrupt_, news_source_, ticker_;
+  JsonRpc::Json last_told_;
+  std::chrono::steady_clock::time_point last_told_at_{};
+};
+
+/// The methods of the contract, each a line. (rpc_methods.cpp)
+void add_methods(JsonRpc& rpc, Daemon& daemon);
+
+}  // namespace throwcal

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "capture/rig.h"
+#include "estimator/calibrate.h"
+#include "firmware/news_box.h"
+#include "firmware/throw_search.h"
+
+namespace throwcal {
+
+/// The one thread that estimates: takes every frame's sightings from the rig; in a session, looks
+/// for flights in them, calibrates whenever there are new throws and posts what it found.
+class EstimatorThread {
+ public:
+  /// Borrows rig and news for its life.
+  EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news);
+  ~EstimatorThread();  ///< stops
+
+  void begin_session();
+  /// Ends open flights, calibrates a last time, posts `solved`.
+  void finish_session();
+  /// A session of before: calibrates its flights, posts `solved`.
+  void solve(std::vector<Track> flights);
+  /// Gives up what it is doing, a calibration included, and joins.
+  void stop();
+
+ private:
+  enum class Order { begin, finish, solve };
+
+  void give(Order order, std::vector<Track> flights = {});
+  void run(std::stop_token stop);
+  void wait_for_order(std::stop_token stop);
+  void obey(Order order, std::vector<Track> flights, std::stop_token stop);
+  void take(const FrameSightings& frame, std::stop_token stop);
+  void calibrate_now(std::stop_token stop, bool last);
+
+  const RigDescription description_;
+  Rig& rig_;
+  NewsBox& news_;
+
+  std::mutex mutex_;  // guards orders_ and interrupt_
+  std::condition_variable_any ordered_;
+  std::vector<std::pair<Order, std::vector<Track>>> orders_;
+  std::stop_source interrupt_;  // makes a waiting rig_.next() return; renewed each time
+
+  // The thread's own:
+  std::optional<ThrowSearch> search_;
+  std::optional<HostTime> calibrate_at_;  // when frames of that time arrive
+  HostClock::duration pause_{};           // between two calibrations
+  bool cameras_ended_ = false;
+
+  std::jthread thread_;
+};
+
+}  // namespace throwcal

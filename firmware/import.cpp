@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/export.h"
+#include "firmware/input_error.h"
+#include "firmware/text_file.h"
+
+namespace throwcal {
+namespace {
+
+/// Reads values of one calibration document and names the place of what is not as it should be.
+class Reader {
+ public:
+  Reader(const Json& value, std::string place) : value_(value), place_(std::move(place)) {}
+
+  Reader operator[](const std::string& key) const {
+    static const Json absent;
+    const bool there = value_.is_object() && value_.contains(key);
+    return {there ? value_.at(key) : absent, place_ + " " + key};
+  }
+  bool is_null() const { return value_.is_null(); }
+  const Json& json() const { return value_; }
+
+  double number() const {
+    if (!value_.is_number() || !std::isfinite(value_.get<double>())) expect("a finite number");
+    return value_.get<double>();
+  }
+  std::optional<double> optional_number() const {
+    return is_null() ? std::nullopt : std::optional(number());
+  }
+  std::string text() const {
+    if (!value_.is_string()) expect("a text");
+    return value_.get<std::string>();
+  }
+  std::optional<std::string> optional_text() const {
+    return is_null() ? std::nullopt : std::optional(text());
+  }
+  std::vector<double> numbers(std::size_t count) const {
+    if (!value_.is_array() || value_.size() != count)
+      expect("a list of " + std::to_string(count) + " numbers");
+    std::vector<double> out;
+    for (const Json& item : value_) out.push_back(Reader(item, place_).number());
+    return out;
+  }
+  std::vector<Reader> items() const {
+    if (!value_.is_array()) expect("a list");
+    std::vector<Reader> out;
+    for (const Json& item : value_) out.emplace_back(item, place_);
+    return out;
+  }
+  [[noreturn]] void expect(const std::string& what) const {
+    throw InputError(place_ + " must be " + what + (is_null() ? ", got nothing" : ""));
+  }
+
+ private:
+  const Json& value_;
+  std::string place_;
+};
+
+std::optional<Rigid> read_pose(const Reader& T) {
+  if (T.is_null()) return {};
+  const auto t = T["translation_m"].numbers(3);
+  const auto q = T["quaternion_wxyz"].numbers(4);
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  if (std::abs(rotation.norm() - 1.0) > 1e-3) T["quaternion_wxyz"].expect("of length 1");
+  return Rigid{rotation.normalized().toRotationMatrix(), {t[0], t[1], t[2]}};
+}
+
+std::optional<Matrix6d> read_covariance(const Reader& given) {
+  if (given.is_null()) return {};
+  const auto numbers = given.numbers(21);
+  Matrix6d out;
+  std::size_t next = 0;
+  for (int row = 0; row < 6; ++row)
+    for (int column = row; column < 6; ++column)
+      out(row, column) = out(column, row) = numbers[next++];
+  return out;
+}
+
+CameraCalibration read_camera(const Reader& listed, const std::string& name) {
+  CameraCalibration out;
+  out.name = listed["name"].text();
+  const Reader camera(listed.json(), name + ": camera \"" + out.name + "\"");
+  out.T_world_cam = read_pose(camera["T_world_cam"]);
+  out.covariance = read_covariance(camera["covariance"]);
+  out.time_offset_s = camera["time_offset_s"].optional_number().value_or(0.0);
+  out.sigma_time_offset_s = camera["sigma_time_offset_s"].optional_number();
+  out.reprojection_rms_px = camera["reprojection_rms_px"].optional_number().value_or(0.0);
+  out.sightings_used = static_cast<int>(camera["sightings_used"].optional_number().value_or(0));
+  out.sightings_rejected =
+      static_cast<int>(camera["sightings_rejected"].optional_number().value_or(0));
+  return out;
+}
+
+ThrowEstimate read_throw(const Reader& listed, const std::string& name,
+                         const std::vector<CameraCalibration>& cameras) {
+  ThrowEstimate out;
+  out.id = listed["id"].text();
+  const Reader thrown(listed.json(), name + ": throw \"" + out.id + "\"");
+  out.start = HostTime(from_seconds(thrown["start_s"].number()));
+  out.end = HostTime(from_seconds(thrown["end_s"].number()));
+  const auto p = thrown["position_m"].numbers(3), v = thrown["velocity_mps"].numbers(3);
+  out.position_world_m = {p[0], p[1], p[2]};
+  out.velocity_world_mps = {v[0], v[1], v[2]};
+  out.reprojection_rms_px = thrown["reprojection_rms_px"].optional_number().value_or(0.0);
+  if (thrown["cameras"].is_null()) return out;  // a truth file need not say who saw it
+  for (const Reader& seen_by : thrown["cameras"].items()) {
+    const auto found = std::ranges::find(cameras, seen_by.text(), &CameraCalibration::name);
+    if (found == cameras.end()) thrown["cameras"].expect("names of cameras in this file");
+    out.cameras.push_back(static_cast<CameraId>(found - cameras.begin()));
+  }
+  return out;
+}
+
+Verdict read_verdict(const Reader& given) {
+  if (given.is_null()) return Verdict::accepted;  // a truth file, or a guess written by hand
+  for (const Verdict verdict :
+       {Verdict::accepted, Verdict::needs_more_throws, Verdict::unobservable, Verdict::rejected})
+    if (to_string(verdict) == given.text()) return verdict;
+  given.expect("accepted, needs-more-throws, unobservable or rejected");
+}
+
+}  // namespace
+
+Json read_json(const std::filesystem::path& file) {
+  try {
+    return Json::parse(read_text_file(file));
+  } catch (const Json::exception& error) {
+    std::string what =
+        error.what();  // "[json.exception.parse_error.101] parse error at line 1, ..."
+    if (const auto end = what.find("] "); end != what.npos) what.erase(0, end + 2);
+    std::ranges::replace(what, '\n', ' ');
+    throw InputError(file.string() + ": not JSON: " + what);
+  }
+}
+
+Calibration from_json(const Json& document, const std::string& name) {
+  if (!document.is_object()) throw InputError(name + ": must be a calibration (a JSON object)");
+  const Reader whole(document, name + ":");
+  Calibration out;
+  out.verdict = read_verdict(whole["verdict"]);
+  if (!whole["reasons"].is_null())
+    for (const Reader& reason : whole["reasons"].items()) out.reasons.push_back(reason.text());
+  // A truth file says drag_per_m at its top, a calibration in its ball.
+  out.drag_per_m = whole["ball"]["drag_per_m"].optional_number().value_or(
+      whole["drag_per_m"].optional_number().value_or(0.0));
+  out.gravity_mps2 = whole["world"]["gravity_mps2"].optional_number().value_or(0.0);
+  out.gravity_source = whole["world"]["gravity_source"].optional_text().value_or("");
+  out.sigma_drag_per_m = whole["ball"]["sigma_drag_per_m"].optional_number();
+  for (const Reader& camera : whole["cameras"].items())
+    out.cameras.push_back(read_camera(camera, name));
+  if (!whole["throws"].is_null())
+    for (const Reader& thrown : whole["throws"].items())
+      out.throws.push_back(read_throw(thrown, name, out.cameras));
+  return out;
+}
+
+Guess to_guess(const Json& document, const RigDescription& rig, const std::string& name) {
+  const Calibration calibration = from_json(document, name);
+  Guess guess;
+  guess.drag_per_m = calibration.drag_per_m;
+  for (const CameraDescription& camera : rig.cameras) {
+    const auto found =
+        std::ranges::find(calibration.cameras, camera.name, &CameraCalibration::name);
+    const std::string place = name + ": camera \"" + camera.name + "\"";
+    if (found == calibration.cameras.end())
+      throw InputError(place + " is missing; expected every camera of the rig file");
+    if (!found->T_world_cam)
+      throw InputError(place + " has no T_world_cam; a guess must say where every camera stands");
+    guess.T_world_cam.push_back(*found->T_world_cam);
+    guess.time_offset_s.push_back(found->time_offset_s);
+  }
+  return guess;
+}
+
+}  // namespace throwcal

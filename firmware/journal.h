@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <set>
+#include <string>
+
+namespace throwcal {
+
+/// Lines on standard error, with the priority marks that systemd's journal reads ("<6>...").
+void log_info(const std::string& text);
+void log_warning(const std::string& text);
+void log_error(const std::string& text);
+
+/// Tells each cause once, however often it happens; forget() lets it be told again.
+class LogOnce {
+ public:
+  void warning(const std::string& cause, const std::string& text);
+  void forget(const std::string& cause) { told_.erase(cause); }
+
+ private:
+  std::set<std::string> told_;
+};
+
+}  // namespace throwcal

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/status.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/calibration_table.h"
+#include "firmware/export.h"
+
+namespace throwcal {
+namespace {
+
+Json to_json(const CameraStats& c, int flights) {
+  return {{"name", c.name},
+          {"running", c.running},
+          {"frames_per_s", std::round(10.0 * c.frames_per_s) / 10.0},
+          {"frames", c.frames},
+          {"frames_lost_by_driver", c.frames_lost_by_driver},
+          {"frames_dropped", c.frames_dropped},
+          {"sightings", c.sightings},
+          {"flights", flights},
+          {"error", c.error.empty() ? Json(nullptr) : Json(c.error)}};
+}
+
+Json known(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? Json(*value) : Json(nullptr);
+}
+
+/// Of all cameras; unknown as long as one camera's is.
+void add_worst_sigma(const Calibration& calibration, Status& status) {
+  double position_m = 0.0, rotation_rad = 0.0;
+  for (const CameraCalibration& camera : calibration.cameras) {
+    const auto sigma = sigma_of(camera);
+    if (!sigma) return;
+    position_m = std::max(position_m, sigma->position_m);
+    rotation_rad = std::max(rotation_rad, sigma->rotation_rad);
+  }
+  status.worst_sigma_position_m = position_m;
+  status.worst_sigma_rotation_rad = rotation_rad;
+}
+
+}  // namespace
+
+Status status_of(const Session& session, const Rig& rig) {
+  Status out;
+  out.state = session.state();
+  out.session = session.id();
+  out.throws = session.throws();
+  out.cameras = rig.stats();
+  out.flights = session.flights();
+  out.sightings_dropped = rig.sightings_dropped();
+  if (const auto& calibration = session.calibration()) {
+    out.verdict = calibration->verdict;
+    out.reasons = calibration->reasons;
+    add_worst_sigma(*calibration, out);
+  }
+  return out;
+}
+
+Json to_json(const Status& s) {
+  Json cameras = Json::array();
+  for (std::size_t i = 0; i < s.cameras.size(); ++i)
+    cameras.push_back(to_json(s.cameras[i], s.flights.at(i)));
+  return {{"state", to_string(s.state)},
+          {"session", s.session ? Json(*s.session) : Json(nullptr)},
+          {"throws", s.throws},
+          {"worst_sigma_position_m", known(s.worst_sigma_position_m)},
+          {"worst_sigma_rotation_rad", known(s.worst_sigma_rotation_rad)},
+          {"verdict", s.verdict ? Json(to_string(*s.verdict)) : Json(nullptr)},
+          {"reasons", s.reasons},
+          {"cameras", std::move(cameras)},
+          {"sightings_dropped", s.sightings_dropped},
+          {"fault", s.fault ? Json(*s.fault) : Json(nullptr)},
+          {"uptime_s", std::round(10.0 * s.uptime_s) / 10.0},
+          {"software", software_name()}};
+}
+
+}  // namespace throwcal

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "capture/rig.h"
+#include "firmware/session.h"
+
+namespace throwcal {
+
+/// Everything that anybody may want to know of the box at one moment; every way out shows this.
+struct Status {
+  SessionState state = SessionState::idle;
+  std::optional<std::int64_t> session;
+  int throws = 0;
+  std::vector<CameraStats> cameras;
+  std::vector<int> flights;  ///< a count each camera, this session
+  std::uint64_t sightings_dropped = 0;
+  std::optional<double> worst_sigma_position_m, worst_sigma_rotation_rad;
+  std::optional<Verdict> verdict;
+  std::vector<std::string> reasons;
+  std::optional<std::string> fault;  ///< of the box itself, as a store that can't be written
+  double uptime_s = 0.0;
+};
+
+Status status_of(const Session& session, const Rig& rig);
+
+nlohmann::ordered_json to_json(const Status& status);
+
+}  // namespace throwcal

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace throwcal {
+
+/// A whole file. Throws InputError (path and cause) where it can't be read or is a directory.
+std::string read_text_file(const std::filesystem::path& file);
+
+/// All or nothing, also through a power cut: a file beside it is written and synced, then takes the
+/// name. Throws InputError (path and cause).
+void write_text_file(const std::filesystem::path& file, std::string_view text);
+
+/// The shortest decimal that reads back as the same double; never in a locale.
+std::string shortest(double value);
+
+}  // namespace throwcal

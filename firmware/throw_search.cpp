@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/throw_search.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace throwcal {
+
+ThrowSearch::ThrowSearch(const RigDescription& rig) : rig_(rig) {
+  for (CameraId id = 0; id < rig.cameras.size(); ++id) finders_.emplace_back(rig, id);
+}
+
+std::vector<Track> ThrowSearch::keep(std::vector<Track> flights) {
+  flights_.insert(flights_.end(), flights.begin(), flights.end());
+  return flights;
+}
+
+std::vector<Track> ThrowSearch::add(const FrameSightings& frame) {
+  return keep(finders_.at(frame.camera).add(frame));
+}
+
+std::vector<Track> ThrowSearch::finish() {
+  std::vector<Track> open;
+  for (FlightFinder& finder : finders_)
+    std::ranges::move(finder.finish(), std::back_inserter(open));
+  return keep(std::move(open));
+}
+
+std::vector<Throw> ThrowSearch::throws() const {
+  std::vector<Track> ordered = flights_;
+  std::ranges::sort(ordered, {}, [](const Track& flight) {
+    return std::pair(flight.sightings.front().time, flight.camera);
+  });
+  ThrowAssembler assembler(rig_);
+  for (Track& flight : ordered) assembler.add(std::move(flight));
+  return assembler.assemble();
+}
+
+std::vector<Throw> find_throws(const RigDescription& rig,
+                               const std::function<std::optional<FrameSightings>()>& next_frame) {
+  ThrowSearch search(rig);
+  while (const auto frame = next_frame()) search.add(*frame);
+  search.finish();
+  return search.throws();
+}
+
+}  // namespace throwcal

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "estimator/flight_finder.h"
+#include "estimator/throw_assembler.h"
+
+namespace throwcal {
+
+/// From frames to throws: a flight finder a camera, and what puts their flights together.
+class ThrowSearch {
+ public:
+  explicit ThrowSearch(const RigDescription& rig);
+
+  /// Takes a frame of any camera (those of one camera in order of time); returns the flights that
+  /// are over.
+  std::vector<Track> add(const FrameSightings& frame);
+  /// The flights that were still open; nothing may be added to any camera after it.
+  std::vector<Track> finish();
+  /// A flight found earlier, as after a restart.
+  void add_flight(Track flight) { flights_.push_back(std::move(flight)); }
+  /// The throws so far: whichever camera's thread was faster, the same flights make the same
+  /// throws.
+  std::vector<Throw> throws() const;
+
+ private:
+  std::vector<Track> keep(std::vector<Track> flights);
+
+  RigDescription rig_;
+  std::vector<FlightFinder> finders_;
+  std::vector<Track> flights_;
+};
+
+/// All throws of a recording: this is how frames become throws. `next_frame` hands out every
+/// camera's frames, each camera's in order of time, and nothing at the end.
+std::vector<Throw> find_throws(const RigDescription& rig,
+                               const std::function<std::optional<FrameSightings>()>& next_frame);
+
+}  // namespace throwcal

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <CLI/CLI.hpp>
+#include <csignal>
+
+#include "firmware/daemon.h"
+#include "firmware/input_error.h"
+
+namespace {
+
+/// Before any thread is made: signals come through the main loop, a client's death through send().
+void prepare_signals() {
+  sigset_t handled;
+  sigemptyset(&handled);
+  sigaddset(&handled, SIGTERM);
+  sigaddset(&handled, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &handled, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+std::filesystem::path state_dir(const std::string& option, const throwcal::Config& config) {
+  const char* from_systemd = std::getenv("STATE_DIRECTORY");
+  if (!option.empty()) return option;
+  if (config.state_dir) return *config.state_dir;
+  return from_systemd ? from_systemd : "/var/lib/throwcal";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace throwcal;
+  CLI::App app("throwcald: watches thrown balls and calibrates the cameras.", "throwcald");
+  std::string config_file, listen, state, port_file;
+  app.set_version_flag("--version", "throwcal " THROWCAL_VERSION);
+  app.add_option("--config", config_file, "The rig file (TOML)")->required();
+  app.add_option("--listen", listen, "ADDRESS:PORT, in place of the rig file's; port 0: any");
+  app.add_option("--state-dir", state, "Where sessions and calibrations are kept");
+  app.add_option("--port-file", port_file, "A file that gets the port once it is open");
+  CLI11_PARSE(app, argc, argv);
+  prepare_signals();
+  try {
+    Config config = read_config(config_file);
+    for (const std::string& warning : config.warnings) log_warning(warning);
+    if (!listen.empty()) {
+      const auto address = parse_address(listen, config.listen.port);
+      if (!address) throw InputError("--listen " + listen + ": expected ADDRESS or ADDRESS:PORT");
+      config.listen = *address;
+    }
+    Daemon(config, {config_file, state_dir(state, config), port_file}).run();
+    return 0;
+  } catch (const std::exception& error) {
+    log_error(error.what());
+    return 2;
+  }
+}

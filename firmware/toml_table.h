@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <toml++/toml.h>
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware/input_error.h"
+
+namespace throwcal {
+
+/// Which numbers a key takes, and how that is told: "must be " + text.
+struct NumberRange {
+  std::string text = "a number";
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+  bool low_excluded = false;
+
+  bool holds(double value) const;
+};
+
+/// One table of a TOML file, read key by key. Every value that is not what was asked for throws
+/// InputError with file and line; what nobody asked for is told by unread().
+class TomlTable {
+ public:
+  /// `where` names the table in messages ("[ball]", `camera "north":`); `file` prefixes the line.
+  TomlTable(const toml::table& table, std::string file, std::string where);
+
+  bool has(std::string_view key) const;
+  std::optional<double> number(std::string_view key, const NumberRange& range);
+  double required_number(std::string_view key, const NumberRange& range);
+  std::optional<std::int64_t> integer(std::string_view key, std::int64_t low, std::int64_t high);
+  std::int64_t required_integer(std::string_view key, std::int64_t low, std::int64_t high);
+  std::optional<std::string> text(std::string_view key);
+  /// One of a few words; the expectation names them all.
+  std::optional<std::string> choice(std::string_view key, const std::vector<std::string>& words);
+  std::optional<std::vector<double>> numbers(std::string_view key);
+
+  [[noreturn]] void reject(std::string_view key, const std::string& expected) const;
+  [[noreturn]] void missing(std::string_view key, const std::string& expected) const;
+  /// "rig.toml:7: [site] gravty_mps2 is not a known key", one a key that was never asked for.
+  std::vector<std::string> unread() const;
+  void rename(std::string where) { where_ = std::move(where); }
+  std::string at(std::string_view key) const;  ///< "rig.toml:12: [site] key"
+
+ private:
+  const toml::node* find(std::string_view key);
+  std::string line_of(std::string_view key) const;
+
+  const toml::table* table_;
+  std::string file_, where_;
+  std::set<std::string, std::less<>> asked_;
+};
+
+}  // namespace throwcal
