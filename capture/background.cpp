@@ -96,6 +96,15 @@ bool Background::compare_and_learn(const cv::Mat& grey, cv::Mat& changed) {
   return true;
 }
 
+void Background::difference(const cv::Mat& grey, const cv::Rect& region, cv::Mat& out) const {
+  for (int y = 0; y < region.height; ++y)
+    for (int x = 0; x < region.width; ++x)
+      out.at<std::uint8_t>(y, x) =
+          static_cast<std::uint8_t>(distance(grey.at<std::uint8_t>(region.y + y, region.x + x),
+                                             mean_.at<Fixed>(region.y + y, region.x + x)) /
+                                    unit);
+}
+
 void Background::learn_from_scratch(const cv::Mat& grey) {
   const int n = learnt_frames_++;
   if (n == 0) deviation_.setTo(static_cast<double>(unit));

@@ -16,6 +16,9 @@ class Background {
   /// the background is being learnt: at first, and again after most of the picture changed at once.
   bool compare_and_learn(const cv::Mat& grey, cv::Mat& changed);
 
+  /// Absolute difference of a region of a picture to the background, CV_8U, into `out` (allocated).
+  void difference(const cv::Mat& grey, const cv::Rect& region, cv::Mat& out) const;
+
   double grey(int x, int y) const {
     return mean_.at<std::int16_t>(y, x) / static_cast<double>(unit);
   }

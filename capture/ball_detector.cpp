@@ -16,10 +16,11 @@
 namespace throwcal {
 namespace {
 
-constexpr double max_elongation = 4.0;  ///< a streak of a fast ball, not an arm or an edge
-constexpr double min_filled = 0.6;      ///< of the ellipse of its moments
+constexpr double max_elongation = 4.0;       ///< a streak of a fast ball, not an arm or an edge
+constexpr double max_part_elongation = 1.6;  ///< within a blob that is no ball: less is believed
+constexpr double min_filled = 0.6;           ///< of the ellipse of its moments
 constexpr double min_explained = 0.7;
-constexpr int margin_px = 4;
+constexpr int max_parted_px2 = 40000;         ///< of a blob's box: an arm, not a person
 constexpr std::size_t fits_per_sighting = 3;  ///< bounds the time that a busy picture takes
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
 constexpr double sigma_model_px = 0.01;
@@ -51,9 +52,9 @@ struct BallDetector::State {
   double ball_diameter_m;
   BallDetectorSettings settings;
   Background background;
-  BlobFinder blob_finder;
+  BlobFinder blob_finder, part_finder;
   BallFit ball_fit;
-  cv::Mat converted, changed;
+  cv::Mat converted, changed, strength, strong;
   std::vector<Blob> candidates;
   std::uint64_t count = 0;
 
@@ -62,16 +63,20 @@ struct BallDetector::State {
         ball_diameter_m(diameter_m),
         settings(with),
         background(lens.width_px, lens.height_px, with.threshold_sigmas),
-        changed(lens.height_px, lens.width_px, CV_8U) {}
+        changed(lens.height_px, lens.width_px, CV_8U),
+        strength(lens.height_px, lens.width_px, CV_8U),
+        strong(lens.height_px, lens.width_px, CV_8U) {}
 
-  std::optional<BallOutline> outline_of(const Blob& blob) const;
-  void choose_candidates(const std::vector<Blob>& blobs);
+  std::optional<BallOutline> outline_of(const Blob& blob, double elongation = max_elongation) const;
+  void choose_candidates(const cv::Mat& grey);
+  void add_parts(const cv::Mat& grey, const Blob& whole);
   std::optional<BallSighting> measure(const cv::Mat& grey, const Blob& blob);
 };
 
 /// A first guess at the ball from a blob's moments, or nothing where it cannot be one. A disc of
 /// radius r that moves by s has the moments r^2/4 across and r^2/4 + s^2/12 along.
-std::optional<BallOutline> BallDetector::State::outline_of(const Blob& blob) const {
+std::optional<BallOutline> BallDetector::State::outline_of(const Blob& blob,
+                                                           double elongation) const {
   const cv::Rect inside(1, 1, model.width_px - 2, model.height_px - 2);
   if ((blob.box & inside) != blob.box) return std::nullopt;  // cut by the picture's edge
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> spread(
@@ -79,17 +84,22 @@ std::optional<BallOutline> BallDetector::State::outline_of(const Blob& blob) con
   const double across = spread.eigenvalues()[0], along = spread.eigenvalues()[1];
   const double radius_px = 2 * std::sqrt(across);
   if (radius_px < settings.min_radius_px || radius_px > settings.max_radius_px) return std::nullopt;
-  if (along > max_elongation * max_elongation * across) return std::nullopt;
+  if (along > elongation * elongation * across) return std::nullopt;
   if (blob.area_px < min_filled * 4 * std::numbers::pi * std::sqrt(along * across))
     return std::nullopt;
   return BallOutline{blob.centroid_px, radius_px,
                      std::sqrt(12 * (along - across)) * spread.eigenvectors().col(1)};
 }
 
-void BallDetector::State::choose_candidates(const std::vector<Blob>& blobs) {
+void BallDetector::State::choose_candidates(const cv::Mat& grey) {
   candidates.clear();
-  for (const Blob& blob : blobs)
-    if (outline_of(blob)) candidates.push_back(blob);
+  const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
+  for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
+    if (outline_of(blob))
+      candidates.push_back(blob);
+    else
+      add_parts(grey, blob);
+  }
   const std::size_t most = fits_per_sighting * static_cast<std::size_t>(settings.max_sightings);
   if (candidates.size() <= most) return;
   std::ranges::nth_element(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(most),
@@ -97,14 +107,34 @@ void BallDetector::State::choose_candidates(const std::vector<Blob>& blobs) {
   candidates.resize(most);
 }
 
+/// A ball that still touches the hand that threw it: where it stands out more than the rest, a
+/// higher threshold parts them. Of several thresholds the lowest that does so is taken.
+void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
+  const cv::Rect& box = whole.box;
+  const double radius_px = settings.min_radius_px;
+  if (box.width < 2 * radius_px || box.height < 2 * radius_px || box.area() > max_parted_px2)
+    return;
+  cv::Mat region = strength(box), mask = strong(box);
+  background.difference(grey, box, region);
+  double strongest = 0;
+  cv::minMaxLoc(region, nullptr, &strongest);
+  const std::size_t before = candidates.size();
+  for (const double share : {0.35, 0.5, 0.65, 0.8}) {
+    cv::compare(region, share * strongest, mask, cv::CMP_GT);
+    for (Blob part : part_finder.find(mask, 4)) {
+      part.box += box.tl();
+      part.centroid_px += Eigen::Vector2d(box.x, box.y);
+      if (outline_of(part, max_part_elongation)) candidates.push_back(part);
+    }
+    if (candidates.size() > before) return;
+  }
+}
+
 std::optional<BallSighting> BallDetector::State::measure(const cv::Mat& grey, const Blob& blob) {
   const auto start = outline_of(blob);
   const auto form = sphere_outline(model, ball_diameter_m, start->centre_px, start->radius_px);
   if (!form) return std::nullopt;
-  const cv::Rect around(blob.box.x - margin_px, blob.box.y - margin_px,
-                        blob.box.width + 2 * margin_px, blob.box.height + 2 * margin_px);
-  const auto ball =
-      ball_fit.fit(grey, background, around & cv::Rect({}, grey.size()), form->shape, *start);
+  const auto ball = ball_fit.fit(grey, background, form->shape, *start);
   if (!ball || ball->explained < min_explained) return std::nullopt;
   const auto outline =
       sphere_outline(model, ball_diameter_m, ball->outline.centre_px, ball->outline.radius_px);
@@ -127,8 +157,7 @@ FrameSightings BallDetector::detect(const Frame& frame) {
   FrameSightings found{frame.camera, frame.row0_mid_exposure, {}};
   const cv::Mat grey = luma(frame.image, s.converted);
   if (!s.background.compare_and_learn(grey, s.changed)) return found;
-  const double min_area = 0.6 * std::numbers::pi * std::pow(s.settings.min_radius_px, 2);
-  s.choose_candidates(s.blob_finder.find(s.changed, std::max(1, static_cast<int>(min_area))));
+  s.choose_candidates(grey);
   for (const Blob& blob : s.candidates) {
     auto sighting = s.measure(grey, blob);
     if (!sighting) continue;

@@ -8,192 +8,208 @@
 namespace throwcal {
 namespace {
 
-constexpr int max_steps = 12;
-constexpr double still_px = 0.4;         ///< shorter streaks cannot be told from none
-constexpr double sub_exposure_px = 1.0;  ///< a streak is summed in steps of this
-constexpr int max_sub_exposures = 16;
+constexpr int first_steps = 10, further_steps = 5;
+constexpr int looks_beside = 2;
+constexpr double still_px = 0.4;          ///< shorter streaks cannot be told from none
 constexpr double dense_radius_px = 14.0;  ///< of larger balls every second, third ... pixel will do
-constexpr double converged_px = 0.002;
+constexpr double margin_px = 3.0;         ///< of background around the ball
+constexpr double beside_px = 1.5;
+constexpr double settled_gain = 2e-3;  ///< of the cost: moves the ball by 1/16 of its sigma
 constexpr double robust_sigmas = 3.0;
-constexpr double shade_slope = 0.7;  ///< 1-sigma of a shade's slope, relative to its contrast
-constexpr double min_limb = 0.15;    ///< keeps the sphere's slope finite at its limb
+constexpr double foreign_sigmas = 5.0;  ///< beside the ball, this is not the background
+constexpr double shade_spread = 0.7;    ///< 1-sigma of a harmonic, relative to the ball's contrast
 constexpr double min_radius_px = 0.8;
+constexpr double poor_misfit = 3.0;
+constexpr int hopeless_steps = 3;
+constexpr double hopeless_explained = 0.5;
 
-enum Parameter : int { centre = 0, streak = 2, radius = 4, level = 5, slope = 6, bulge = 8 };
+using P = BallModel;
 
-int sub_exposures(const Eigen::Vector2d& streak_px) {
-  const double length = streak_px.norm();
-  if (length == 0.0) return 1;
-  return std::clamp(static_cast<int>(std::ceil(length / sub_exposure_px)) + 1, 2,
-                    max_sub_exposures);
+double cauchy_weight(double residual, double scale) {
+  return 1 / (1 + residual * residual / (scale * scale));
 }
 
 }  // namespace
 
-/// Difference to the background that a pixel should show, and its derivative by the parameters.
-double BallFit::model(const Pixel& pixel, const Vector& p, Vector* derivative) const {
-  const Eigen::Vector2d moved = p.segment<2>(streak);
-  const int n = sub_exposures(moved);
-  const double r = p[radius], share = 1.0 / n;
-  double sum = 0;
-  if (derivative) derivative->setZero();
-  for (int i = 0; i < n; ++i) {
-    const double phase = (i + 0.5) * share - 0.5;
-    const Eigen::Vector2d off = to_circle_ * (pixel.at - p.segment<2>(centre) - phase * moved);
-    const double distance = off.norm(), coverage = std::clamp(0.5 + r - distance, 0.0, 1.0);
-    if (coverage == 0.0) continue;
-    const double x = off.x() / r, y = off.y() / r;
-    const double height = std::sqrt(std::max(min_limb * min_limb, 1 - x * x - y * y));
-    const double contrast =
-        p[level] + p[slope] * x + p[slope + 1] * y + p[bulge] * height - pixel.behind;
-    sum += share * coverage * contrast;
-    if (!derivative) continue;
-    Vector& d = *derivative;
-    const double weight = share * coverage;
-    d[level] += weight;
-    d[slope] += weight * x;
-    d[slope + 1] += weight * y;
-    d[bulge] += weight * height;
-    Eigen::Vector2d by_off = weight / r * p.segment<2>(slope);
-    double by_radius = -weight / r * (p[slope] * x + p[slope + 1] * y);
-    if (height > min_limb) {
-      by_off -= weight * p[bulge] / (r * height) * Eigen::Vector2d(x, y);
-      by_radius += weight * p[bulge] * (x * x + y * y) / (r * height);
-    }
-    if (coverage < 1.0) {
-      by_off -= share * contrast / distance * off;
-      by_radius += share * contrast;
-    }
-    const Eigen::Vector2d by_centre = -to_circle_.transpose() * by_off;
-    d.segment<2>(centre) += by_centre;
-    d.segment<2>(streak) += phase * by_centre;
-    d[radius] += by_radius;
-  }
-  return sum;
-}
-
-void BallFit::collect(const cv::Mat& grey, const Background& background, const cv::Rect& region,
-                      double radius_px) {
-  const int stride = std::max(1, static_cast<int>(radius_px / dense_radius_px) + 1);
-  pixel_area_px2_ = stride * stride;
+void BallFit::collect(const cv::Mat& grey, const Background& background, const BallOutline& start) {
+  const int stride = std::max(1, static_cast<int>(start.radius_px / dense_radius_px) + 1);
+  const double reach = 1.2 * start.radius_px + 0.5 * start.streak_px.norm() + margin_px;
+  const cv::Rect region =
+      cv::Rect(
+          cv::Point(cvFloor(start.centre_px.x() - reach), cvFloor(start.centre_px.y() - reach)),
+          cv::Point(cvCeil(start.centre_px.x() + reach), cvCeil(start.centre_px.y() + reach))) &
+      cv::Rect({}, grey.size());
   pixels_.clear();
   for (int y = region.y; y < region.br().y; y += stride)
     for (int x = region.x; x < region.br().x; x += stride) {
-      const double behind = background.grey(x, y);
-      pixels_.push_back(
-          {{x, y}, grey.at<std::uint8_t>(y, x) - behind, behind, background.sigma_grey(x, y)});
+      const Eigen::Vector2d at(x, y);
+      if ((at - start.centre_px).norm() > reach) continue;
+      const double still = background.grey(x, y);
+      pixels_.push_back({at, static_cast<double>(grey.at<std::uint8_t>(y, x)), still, still,
+                         background.sigma_grey(x, y), 0.0, Vector::Zero()});
     }
 }
 
-BallFit::Vector BallFit::first_guess(const BallOutline& start) const {
-  Vector p = Vector::Zero();
-  p.segment<2>(centre) = start.centre_px;
-  p[radius] = start.radius_px;
-  double sum = 0, count = 0;
+BallFit::Vector BallFit::first_guess(const BallOutline& start) {
+  double sum = 0, contrast = 0, count = 0;
   for (const Pixel& pixel : pixels_)
-    if ((to_circle_ * (pixel.at - start.centre_px)).norm() < 0.6 * start.radius_px + 0.5) {
-      sum += pixel.difference + pixel.behind;
+    if ((pixel.at - start.centre_px).norm() < 0.6 * start.radius_px + 0.5) {
+      sum += pixel.value;
+      contrast += std::abs(pixel.value - pixel.background);
       ++count;
     }
-  if (count > 0) p[level] = sum / count;
-  if (start.streak_px.norm() > still_px) p.segment<2>(streak) = start.streak_px;
+  Vector p = Vector::Zero();
+  p.segment<2>(P::centre) = start.centre_px;
+  if (start.streak_px.norm() > still_px) p.segment<2>(P::streak) = start.streak_px;
+  p[P::radius] = start.radius_px;
+  p[P::shade] = sum / std::max(1.0, count);
+  shade_prior_ = 1.0 / std::max(1.0, std::pow(shade_spread * contrast / std::max(1.0, count), 2));
   return p;
+}
+
+void BallFit::evaluate(const BallModel& model, const Vector& p) {
+  for (Pixel& pixel : pixels_) {
+    const double modelled = model.difference(pixel.at, pixel.behind, p, pixel.derivative);
+    pixel.residual = (pixel.value - pixel.behind - modelled) / pixel.sigma;
+    pixel.derivative /= pixel.sigma;
+  }
 }
 
 /// Three times the residuals' typical size, or the noise if that is larger: what is beyond does not
 /// belong to the ball (a hand, an edge that moved).
-double BallFit::robust_scale(const Vector& p) {
-  residuals_.clear();
-  for (const Pixel& pixel : pixels_)
-    residuals_.push_back(std::abs(pixel.difference - model(pixel, p, nullptr)) / pixel.sigma);
-  const auto middle = residuals_.begin() + static_cast<std::ptrdiff_t>(residuals_.size() / 2);
-  std::nth_element(residuals_.begin(), middle, residuals_.end());
+double BallFit::robust_scale() {
+  sizes_.clear();
+  for (const Pixel& pixel : pixels_) sizes_.push_back(std::abs(pixel.residual));
+  const auto middle = sizes_.begin() + static_cast<std::ptrdiff_t>(sizes_.size() / 2);
+  std::nth_element(sizes_.begin(), middle, sizes_.end());
   return robust_sigmas * std::max(1.0, 1.4826 * *middle);
 }
 
-BallFit::Normal BallFit::linearise(const Vector& p, double scale) const {
-  Normal normal{Matrix::Zero(), Vector::Zero(), 0, 0, 0};
-  Vector derivative;
+double BallFit::cost(const Vector& p, double scale) const {
+  double sum = 0.5 * shade_prior_ * p.tail<P::shades - 1>().squaredNorm();
+  for (const Pixel& pixel : pixels_)
+    sum -= 0.5 * scale * scale * std::log(cauchy_weight(pixel.residual, scale));
+  return sum;
+}
+
+BallFit::Solution BallFit::normal_equations(const Vector& p, double scale, Vector& gradient) const {
+  Solution out{p, Matrix::Zero(), cost(p, scale), scale, 0};
+  gradient.setZero();
+  double squares = 0, weights = 0;
   for (const Pixel& pixel : pixels_) {
-    const double residual = (pixel.difference - model(pixel, p, &derivative)) / pixel.sigma;
-    const double outlying = residual * residual / (scale * scale), weight = 1 / (1 + outlying);
-    normal.cost += 0.5 * scale * scale * std::log1p(outlying);
-    normal.squares += weight * residual * residual;
-    normal.weights += weight;
-    if (derivative.isZero(0.0)) continue;
-    derivative /= pixel.sigma;
-    normal.hessian.selfadjointView<Eigen::Lower>().rankUpdate(derivative, weight);
-    normal.gradient += weight * residual * derivative;
+    const double weight = cauchy_weight(pixel.residual, scale);
+    squares += weight * pixel.residual * pixel.residual;
+    weights += weight;
+    if (pixel.derivative[P::shade] == 0.0) continue;
+    out.information.selfadjointView<Eigen::Lower>().rankUpdate(pixel.derivative, weight);
+    gradient += weight * pixel.residual * pixel.derivative;
   }
-  for (int i = slope; i <= bulge; ++i) {
-    normal.hessian(i, i) += shade_prior_;
-    normal.gradient[i] -= shade_prior_ * p[i];
-    normal.cost += 0.5 * shade_prior_ * p[i] * p[i];
+  out.misfit = squares / std::max(1.0, weights - size);
+  out.information.diagonal().tail<P::shades - 1>().array() += shade_prior_;
+  gradient.tail<P::shades - 1>() -= shade_prior_ * p.tail<P::shades - 1>();
+  if (p.segment<2>(P::streak).isZero(0.0))  // stays what it is: its derivative is zero there
+    out.information.diagonal().segment<2>(P::streak).array() += 1.0;
+  out.information.triangularView<Eigen::StrictlyUpper>() = out.information.transpose();
+  return out;
+}
+
+std::optional<BallFit::Solution> BallFit::descend(const BallModel& model, const Vector& start,
+                                                  int max_steps) {
+  Vector gradient;
+  evaluate(model, start);
+  Solution now = normal_equations(start, robust_scale(), gradient);
+  double damping = 1e-3;
+  for (int i = 0; i < max_steps && damping < 1e4; ++i) {
+    Matrix damped = now.information;
+    damped.diagonal() *= 1 + damping;
+    const Vector step = damped.ldlt().solve(gradient), tried = now.p + step;
+    if (!tried.allFinite()) return std::nullopt;
+    const double strayed = (tried - start).segment<2>(P::centre).norm();
+    const bool is_possible = tried[P::radius] > min_radius_px &&
+                             tried[P::radius] < 2 * start[P::radius] + 2 &&
+                             strayed < start[P::radius] + 2;
+    if (is_possible) evaluate(model, tried);
+    const double gain = is_possible ? now.cost - cost(tried, now.scale) : -1.0;
+    if (gain < 0) {
+      damping *= 10;
+      continue;
+    }
+    damping *= 0.2;
+    const double scale = std::min(now.scale, robust_scale());
+    const bool is_settled = gain < settled_gain * now.misfit && scale > 0.9 * now.scale;
+    now = normal_equations(tried, scale, gradient);
+    if (is_settled) break;
+    if (i == hopeless_steps && explained(scale) < hopeless_explained) return std::nullopt;
   }
-  if (p.segment<2>(streak).isZero(0.0)) {
-    normal.hessian(streak, streak) += 1.0;
-    normal.hessian(streak + 1, streak + 1) += 1.0;
+  return now;
+}
+
+/// What stands behind a ball need not be the background: the hand that threw it, say. It can be
+/// seen beside the ball. True if that differs from what was thought.
+bool BallFit::look_beside(const cv::Mat& grey, const Background& background, const BallModel& model,
+                          const Vector& p) {
+  const auto is_foreign = [&](double value, int x, int y) {
+    return std::abs(value - background.grey(x, y)) > foreign_sigmas * background.sigma_grey(x, y);
+  };
+  evaluate(model, p);
+  bool is_new = false;
+  for (Pixel& pixel : pixels_) {
+    const bool is_covered = pixel.derivative[P::shade] > 0.0;
+    const Eigen::Vector2d look = is_covered ? model.beside(pixel.at, p, beside_px) : pixel.at;
+    const int x = cvRound(look.x()), y = cvRound(look.y());
+    double behind = pixel.background;
+    if (x >= 0 && y >= 0 && x < grey.cols && y < grey.rows) {
+      const double value = grey.at<std::uint8_t>(y, x);
+      if (is_foreign(value, x, y)) behind = value;
+    }
+    is_new |= is_covered && std::abs(behind - pixel.behind) > foreign_sigmas * pixel.sigma;
+    pixel.behind = behind;
   }
-  normal.hessian.triangularView<Eigen::StrictlyUpper>() = normal.hessian.transpose();
-  return normal;
+  return is_new;
+}
+
+/// Of the pixels as last evaluated.
+double BallFit::explained(double scale) const {
+  double left = 0, whole = 1e-9;
+  for (const Pixel& pixel : pixels_) {
+    const double weight = cauchy_weight(pixel.residual, scale);
+    left += weight * std::pow(pixel.residual * pixel.sigma, 2);
+    whole += weight * std::pow(pixel.value - pixel.behind, 2);
+  }
+  return 1 - left / whole;
+}
+
+std::optional<FittedBall> BallFit::judged(const Solution& solution) const {
+  const Eigen::LDLT<Matrix> factors(solution.information);
+  if (factors.info() != Eigen::Success) return std::nullopt;
+  const Matrix cov = std::max(1.0, solution.misfit) * factors.solve(Matrix::Identity());
+  const Vector& p = solution.p;
+  FittedBall ball{{p.segment<2>(P::centre), p[P::radius], p.segment<2>(P::streak)},
+                  cov.topLeftCorner<2, 2>(),
+                  explained(solution.scale)};
+  const bool is_sound = ball.cov_centre_px2.allFinite() && ball.cov_centre_px2.determinant() > 0;
+  return is_sound ? std::optional(ball) : std::nullopt;
 }
 
 std::optional<FittedBall> BallFit::fit(const cv::Mat& grey, const Background& background,
-                                       const cv::Rect& region, const Eigen::Matrix2d& shape,
-                                       const BallOutline& start) {
-  to_circle_ = shape.inverse();
-  collect(grey, background, region, start.radius_px);
-  Vector p = first_guess(start);
-  const double contrast = p[level] - background.grey(static_cast<int>(start.centre_px.x()),
-                                                     static_cast<int>(start.centre_px.y()));
-  shade_prior_ = 1.0 / std::max(1.0, std::pow(shade_slope * contrast, 2));
-
-  double damping = 1e-3, scale = robust_scale(p);
-  Normal now = linearise(p, scale);
-  for (int i = 0; i < max_steps; ++i) {
-    Matrix damped = now.hessian;
-    damped.diagonal() *= 1 + damping;
-    const Vector step = damped.ldlt().solve(now.gradient);
-    const Vector tried = p + step;
-    if (!tried.allFinite()) return std::nullopt;
-    const bool is_possible = tried[radius] > min_radius_px &&
-                             tried[radius] < 2 * start.radius_px + 2 &&
-                             (tried.head<2>() - start.centre_px).norm() < start.radius_px + 2;
-    Normal next;
-    if (is_possible) next = linearise(tried, scale);
-    if (!is_possible || next.cost > now.cost) {
-      damping *= 10;
-      if (damping > 1e6) break;
-      continue;
-    }
-    p = tried;
-    damping *= 0.2;
-    const double new_scale = robust_scale(p);
-    const bool is_settled = step.head<2>().norm() < converged_px && new_scale > 0.95 * scale;
-    if (new_scale < scale) {
-      scale = new_scale;
-      now = linearise(p, scale);
-    } else {
-      now = next;
-    }
-    if (is_settled) break;
+                                       const Eigen::Matrix2d& form, const BallOutline& start) {
+  const BallModel model(form);
+  collect(grey, background, start);
+  if (pixels_.size() < size + 2) return std::nullopt;
+  Vector guess = first_guess(start);
+  auto best = descend(model, guess, first_steps);
+  if (!best) return std::nullopt;
+  for (int i = 0; i < looks_beside && look_beside(grey, background, model, best->p); ++i) {
+    best = descend(model, best->p, further_steps);
+    if (!best) return std::nullopt;
   }
-
-  double left = 0, whole = 1e-9;
-  for (const Pixel& pixel : pixels_) {
-    left += std::pow(pixel.difference - model(pixel, p, nullptr), 2);
-    whole += std::pow(pixel.difference, 2);
+  if (best->misfit > poor_misfit && !guess.segment<2>(P::streak).isZero(0.0)) {
+    guess.segment<2>(P::streak).setZero();  // a ball at rest before something as bright as it is
+    const auto other = descend(model, guess, first_steps);
+    if (other && other->misfit < best->misfit) best = other;
   }
-  const Eigen::LDLT<Matrix> factors(now.hessian);
-  if (factors.info() != Eigen::Success || now.weights < size + 2) return std::nullopt;
-  const double variance = std::max(1.0, now.squares / (now.weights - size));
-  const Matrix cov = factors.solve(Matrix::Identity());
-  FittedBall ball{{p.segment<2>(centre), p[radius], p.segment<2>(streak)},
-                  variance * cov.topLeftCorner<2, 2>(),
-                  1 - left / whole};
-  if (!ball.cov_centre_px2.allFinite() || !(ball.cov_centre_px2.determinant() > 0))
-    return std::nullopt;
-  return ball;
+  evaluate(model, best->p);
+  return judged(*best);
 }
 
 }  // namespace throwcal

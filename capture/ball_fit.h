@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "capture/background.h"
+#include "capture/ball_model.h"
 
 namespace throwcal {
 
@@ -22,43 +23,44 @@ struct FittedBall {
   double explained = 0.0;  ///< share of the difference to the background that a ball explains, to 1
 };
 
-/// Fits a shaded, moving ball in front of a known background to the pixels around a blob, by robust
-/// least squares: pixel = background + coverage x (shade - background). Coverage follows the
-/// outline and its streak; shade is that of a lit sphere. So a lit side does not pull the centre,
-/// nor does what stands behind.
+/// Fits a BallModel to the pixels around a blob by robust least squares. Keeps its memory.
 class BallFit {
  public:
-  /// `shape`: the outline's form, see SphereOutline. `region` must lie within the picture.
+  /// `form`: the outline's, see SphereOutline. Nothing where the pixels show no ball.
   std::optional<FittedBall> fit(const cv::Mat& grey, const Background& background,
-                                const cv::Rect& region, const Eigen::Matrix2d& shape,
-                                const BallOutline& start);
+                                const Eigen::Matrix2d& form, const BallOutline& start);
 
  private:
-  static constexpr int size = 9;  ///< centre 2, streak 2, radius, shade 4
-  using Vector = Eigen::Matrix<double, size, 1>;
+  static constexpr int size = BallModel::size;
+  using Vector = BallModel::Vector;
   using Matrix = Eigen::Matrix<double, size, size>;
   struct Pixel {
     Eigen::Vector2d at;
-    double difference, behind, sigma;
+    double value, background, behind, sigma;
+    double residual;  ///< in sigmas
+    Vector derivative;
   };
-  struct Normal {
-    Matrix hessian;
-    Vector gradient;
-    double cost, squares, weights;
+  struct Solution {
+    Vector p;
+    Matrix information;
+    double cost, scale, misfit;  ///< misfit: squared residuals a degree of freedom
   };
 
-  void collect(const cv::Mat& grey, const Background& background, const cv::Rect& region,
-               double radius_px);
-  double model(const Pixel& pixel, const Vector& p, Vector* derivative) const;
-  Normal linearise(const Vector& p, double robust_scale) const;
-  Vector first_guess(const BallOutline& start) const;
-  double robust_scale(const Vector& p);
+  void collect(const cv::Mat& grey, const Background& background, const BallOutline& start);
+  Vector first_guess(const BallOutline& start);
+  void evaluate(const BallModel& model, const Vector& p);
+  double robust_scale();
+  double cost(const Vector& p, double scale) const;
+  Solution normal_equations(const Vector& p, double scale, Vector& gradient) const;
+  std::optional<Solution> descend(const BallModel& model, const Vector& start, int max_steps);
+  bool look_beside(const cv::Mat& grey, const Background& background, const BallModel& model,
+                   const Vector& p);
+  double explained(double scale) const;
+  std::optional<FittedBall> judged(const Solution& solution) const;
 
   std::vector<Pixel> pixels_;
-  std::vector<double> residuals_;
-  Eigen::Matrix2d to_circle_;  ///< inverse of the outline's form
-  double shade_prior_ = 0.0;   ///< 1 / variance of the shade's slopes
-  double pixel_area_px2_ = 1.0;
+  std::vector<double> sizes_;
+  double shade_prior_ = 0.0;  ///< 1 / variance of the shade's harmonics but the first
 };
 
 }  // namespace throwcal

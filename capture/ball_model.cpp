@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "capture/ball_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace throwcal {
+namespace {
+
+constexpr int max_sub_exposures = 12;
+constexpr double max_stretch = 1.5;  ///< of an outline's form: an ellipse of axes 2.2 to 1
+constexpr double min_limb = 0.15;    ///< keeps the sphere's slope finite at its limb
+
+using Shades = Eigen::Matrix<double, BallModel::shades, 1>;
+
+/// A surface normal: x, y in the picture, h towards the camera.
+struct Normal {
+  double x, y, h;
+  bool is_limb;
+
+  Normal(double at_x, double at_y) : x(at_x), y(at_y) {
+    const double h2 = 1 - x * x - y * y;
+    is_limb = h2 < min_limb * min_limb;
+    h = is_limb ? min_limb : std::sqrt(h2);
+  }
+  Shades harmonics() const {
+    Shades b;
+    b << 1.0, x, y, h, x * y, x * h, y * h, h * h, x * x - y * y;
+    return b;
+  }
+  /// Derivative of the shade by x and y, where h follows from them.
+  Eigen::Vector2d slope(const Shades& s) const {
+    const double by_h = is_limb ? 0.0 : (s[3] + s[5] * x + s[6] * y + 2 * s[7] * h) / h;
+    return {s[1] + s[4] * y + s[5] * h + 2 * s[8] * x - by_h * x,
+            s[2] + s[4] * x + s[6] * h - 2 * s[8] * y - by_h * y};
+  }
+};
+
+/// A streak is summed in steps of a pixel; of a large ball a quarter of its radius is fine enough.
+int sub_exposures(double streak_px, double radius_px) {
+  if (streak_px == 0.0) return 1;
+  const double step_px = std::max(1.0, 0.25 * radius_px);
+  return std::clamp(static_cast<int>(std::ceil(streak_px / step_px)) + 1, 2, max_sub_exposures);
+}
+
+}  // namespace
+
+double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const Vector& p,
+                             Vector& derivative) const {
+  const Eigen::Vector2d moved = p.segment<2>(streak);
+  const Shades shading = p.segment<shades>(shade);
+  const double r = p[radius];
+  const double streak_px = moved.norm();
+  derivative.setZero();
+  const Eigen::Vector2d from_middle = on_circle(pixel, p);
+  if (from_middle.norm() > r + 0.5 + max_stretch * 0.5 * streak_px) return 0.0;
+  const int n = sub_exposures(streak_px, r);
+  const double share = 1.0 / n;
+  const Eigen::Vector2d step = to_circle_ * moved;
+  double sum = 0;
+  for (int i = 0; i < n; ++i) {
+    const double phase = (i + 0.5) * share - 0.5;
+    const Eigen::Vector2d off = from_middle - phase * step;
+    const double distance = off.norm(), coverage = std::clamp(0.5 + r - distance, 0.0, 1.0);
+    if (coverage == 0.0) continue;
+    // A pixel on the outline shows the part of the ball that it covers: half its coverage inside.
+    const double inward = coverage < 1.0 ? (r - 0.5 * coverage) / (distance * r) : 1.0 / r;
+    const Normal normal(inward * off.x(), inward * off.y());
+    const Shades harmonics = normal.harmonics();
+    const double contrast = harmonics.dot(shading) - behind, weight = share * coverage;
+    sum += weight * contrast;
+    derivative.segment<shades>(shade) += weight * harmonics;
+    Eigen::Vector2d by_off = weight / r * normal.slope(shading);
+    double by_radius = -by_off.dot(off) / r;
+    if (coverage < 1.0) {
+      by_off -= share * contrast / distance * off;
+      by_radius += share * contrast;
+    }
+    const Eigen::Vector2d by_centre = -to_circle_ * by_off;
+    derivative.segment<2>(centre) += by_centre;
+    derivative.segment<2>(streak) += phase * by_centre;
+    derivative[radius] += by_radius;
+  }
+  return sum;
+}
+
+Eigen::Vector2d BallModel::beside(const Eigen::Vector2d& pixel, const Vector& p,
+                                  double margin_px) const {
+  const Eigen::Vector2d towards = on_circle(pixel, p).normalized();
+  const Eigen::Vector2d moved = to_circle_ * p.segment<2>(streak);
+  const double reach = p[radius] + 0.5 * std::abs(towards.dot(moved)) + margin_px;
+  return p.segment<2>(centre) + form_ * (reach * towards);
+}
+
+}  // namespace throwcal
