@@ -17,7 +17,8 @@ constexpr double beside_px = 1.5;
 constexpr double settled_gain = 2e-3;  ///< of the cost: moves the ball by 1/16 of its sigma
 constexpr double robust_sigmas = 3.0;
 constexpr double foreign_sigmas = 5.0;  ///< beside the ball, this is not the background
-constexpr double shade_spread = 0.7;    ///< 1-sigma of a harmonic, relative to the ball's contrast
+/// 1-sigma of the harmonics of the first and second degree, relative to the ball's contrast.
+constexpr double first_spread = 0.7, second_spread = 0.5;
 constexpr double min_radius_px = 0.8;
 constexpr double poor_misfit = 3.0;
 constexpr int hopeless_steps = 3;
@@ -63,7 +64,9 @@ BallFit::Vector BallFit::first_guess(const BallOutline& start) {
   if (start.streak_px.norm() > still_px) p.segment<2>(P::streak) = start.streak_px;
   p[P::radius] = start.radius_px;
   p[P::shade] = sum / std::max(1.0, count);
-  shade_prior_ = 1.0 / std::max(1.0, std::pow(shade_spread * contrast / std::max(1.0, count), 2));
+  const double scale2 = std::max(1.0, std::pow(contrast / std::max(1.0, count), 2));
+  shade_prior_.head<3>().setConstant(1 / (first_spread * first_spread * scale2));
+  shade_prior_.tail<5>().setConstant(1 / (second_spread * second_spread * scale2));
   return p;
 }
 
@@ -86,7 +89,7 @@ double BallFit::robust_scale() {
 }
 
 double BallFit::cost(const Vector& p, double scale) const {
-  double sum = 0.5 * shade_prior_ * p.tail<P::shades - 1>().squaredNorm();
+  double sum = 0.5 * shade_prior_.dot(p.tail<P::shades - 1>().cwiseAbs2());
   for (const Pixel& pixel : pixels_)
     sum -= 0.5 * scale * scale * std::log(cauchy_weight(pixel.residual, scale));
   return sum;
@@ -105,8 +108,8 @@ BallFit::Solution BallFit::normal_equations(const Vector& p, double scale, Vecto
     gradient += weight * pixel.residual * pixel.derivative;
   }
   out.misfit = squares / std::max(1.0, weights - size);
-  out.information.diagonal().tail<P::shades - 1>().array() += shade_prior_;
-  gradient.tail<P::shades - 1>() -= shade_prior_ * p.tail<P::shades - 1>();
+  out.information.diagonal().tail<P::shades - 1>() += shade_prior_;
+  gradient.tail<P::shades - 1>() -= shade_prior_.cwiseProduct(p.tail<P::shades - 1>());
   if (p.segment<2>(P::streak).isZero(0.0))  // stays what it is: its derivative is zero there
     out.information.diagonal().segment<2>(P::streak).array() += 1.0;
   out.information.triangularView<Eigen::StrictlyUpper>() = out.information.transpose();

@@ -60,7 +60,8 @@ class BallFit {
 
   std::vector<Pixel> pixels_;
   std::vector<double> sizes_;
-  double shade_prior_ = 0.0;  ///< 1 / variance of the shade's harmonics but the first
+  Eigen::Matrix<double, BallModel::shades - 1, 1>
+      shade_prior_;  ///< 1 / variance; the first is free
 };
 
 }  // namespace throwcal

@@ -8,6 +8,7 @@ namespace throwcal {
 namespace {
 
 constexpr int max_sub_exposures = 12;
+constexpr double limb_px = 0.3;
 constexpr double max_stretch = 1.5;  ///< of an outline's form: an ellipse of axes 2.2 to 1
 constexpr double min_limb = 0.15;    ///< keeps the sphere's slope finite at its limb
 
@@ -18,10 +19,11 @@ struct Normal {
   double x, y, h;
   bool is_limb;
 
-  Normal(double at_x, double at_y) : x(at_x), y(at_y) {
-    const double h2 = 1 - x * x - y * y;
-    is_limb = h2 < min_limb * min_limb;
-    h = is_limb ? min_limb : std::sqrt(h2);
+  /// A pixel at the limb averages over normals: there h is not less than sqrt(limb / radius).
+  Normal(double at_x, double at_y, double radius_px) : x(at_x), y(at_y) {
+    const double h2 = 1 - x * x - y * y, least = limb_px / radius_px;
+    is_limb = h2 < least;
+    h = std::sqrt(is_limb ? least : h2);
   }
   Shades harmonics() const {
     Shades b;
@@ -65,7 +67,7 @@ double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const 
     if (coverage == 0.0) continue;
     // A pixel on the outline shows the part of the ball that it covers: half its coverage inside.
     const double inward = coverage < 1.0 ? (r - 0.5 * coverage) / (distance * r) : 1.0 / r;
-    const Normal normal(inward * off.x(), inward * off.y());
+    const Normal normal(inward * off.x(), inward * off.y(), r);
     const Shades harmonics = normal.harmonics();
     const double contrast = harmonics.dot(shading) - behind, weight = share * coverage;
     sum += weight * contrast;

@@ -7,7 +7,7 @@
 namespace throwcal {
 namespace {
 
-constexpr double darkest = 10.0, brightest = 112.0;
+constexpr double darkest = 10.0, brightest = 92.0;
 
 void add_texture(cv::Mat& picture, int cells, double strength, Dice& dice) {
   cv::Mat coarse(std::max(2, cells * picture.rows / picture.cols), cells, CV_32F), fine;
