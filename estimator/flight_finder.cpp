@@ -21,6 +21,7 @@ constexpr double min_sigma_gravity_rad = 0.0035;  // 0.2 degrees: the agreement'
 constexpr double max_sigma_gravity_rad = 0.02;
 constexpr double unknown_drag_per_m = 0.02, sigma_unknown_drag_per_m = 0.08;
 constexpr double min_sigma_drag_per_m = 0.004;
+constexpr double slow_error_px = 0.1;      // of a detector whose noise nobody states
 constexpr double max_noise_scale = 4.0;    // of a noise that the rig states
 constexpr double min_seen_fraction = 0.4;  // of the frames between a flight's ends
 
@@ -47,6 +48,7 @@ struct FlightFinder::State {
     knowledge.gravity_mps2 = rig.gravity_mps2;
     start_drag_per_m = rig.ball.drag_per_m;
     if (estimate_drag && start_drag_per_m <= 0) start_drag_per_m = unknown_drag_per_m;
+    if (!noise_stated) knowledge.slow_error_px = slow_error_px;
     knowledge.drag_per_m = start_drag_per_m;
     knowledge.sigma_drag_per_m = estimate_drag ? sigma_unknown_drag_per_m : 0.0;
   }

@@ -44,7 +44,7 @@ class Fit {
     std::optional<FlightUnknowns> x = start_from(all);
     if (x && !solve(*x)) x.reset();
     if (settings_.search_outliers && (!x || is_spoilt(*x))) x = search(x);
-    if (!x || !reject(*x)) return std::nullopt;
+    if (!x || (is_spoilt(*x) && !reject(*x))) return std::nullopt;
     return result(*x);
   }
 
@@ -188,8 +188,13 @@ BallState CameraFlight::at(double time_s) const {
 }
 
 Eigen::Matrix<double, 6, 6> CameraFlight::covariance_at(double time_s) const {
-  const Propagation p =
-      propagate({position_cam_m, velocity_cam_mps}, time_s, gravity_cam_mps2, drag_per_m);
+  Propagation p{{},
+                time_s * Eigen::Matrix3d::Identity(),
+                Eigen::Matrix3d::Identity(),
+                Eigen::Vector3d::Zero(),
+                Eigen::Vector3d::Zero()};
+  if (drag_per_m != 0.0)
+    p = propagate({position_cam_m, velocity_cam_mps}, time_s, gravity_cam_mps2, drag_per_m);
   Eigen::Matrix<double, 6, 10> F = Eigen::Matrix<double, 6, 10>::Zero();
   F.topLeftCorner<3, 3>().setIdentity();
   F.block<3, 3>(0, 3) = p.J_position_velocity0;
@@ -198,7 +203,8 @@ Eigen::Matrix<double, 6, 6> CameraFlight::covariance_at(double time_s) const {
   F.block<3, 3>(3, 6) = time_s * Eigen::Matrix3d::Identity();
   F.block<3, 1>(0, 9) = p.J_position_drag;
   F.block<3, 1>(3, 9) = p.J_velocity_drag;
-  return F * covariance * F.transpose();
+  const Eigen::Matrix<double, 6, 10> FC = F.lazyProduct(covariance);
+  return FC.lazyProduct(F.transpose());
 }
 
 std::optional<CameraFlight> fit_flight(CameraId camera, HostTime epoch,

@@ -23,13 +23,20 @@ constexpr std::size_t min_points = 8;
 // An end is dropped where it costs this many sigmas more than its degrees of freedom.
 constexpr double excess_sigmas = 3.0;
 
+/// By how much a candidate's errors exceed what it states.
+double noise_factor(const FlightKnowledge& knowledge, const Candidate& candidate) {
+  const double var_px2 = 0.5 * candidate.sighting.cov_px2.trace();
+  return std::sqrt(std::pow(knowledge.noise_scale, 2) +
+                   std::pow(knowledge.slow_error_px, 2) / var_px2);
+}
+
 std::vector<TimedRay> rays_of(const CandidateHistory& history, std::span<const CandidateRef> points,
-                              double noise_scale) {
+                              const FlightKnowledge& knowledge) {
   std::vector<TimedRay> out;
   out.reserve(points.size());
   for (const CandidateRef& ref : points) {
     out.push_back(history.at(ref).ray);
-    out.back().whitener /= noise_scale;
+    out.back().whitener /= noise_factor(knowledge, history.at(ref));
   }
   return out;
 }
@@ -50,7 +57,7 @@ FlightFitSettings settings_for(const FlightKnowledge& knowledge, bool drag_unkno
 /// Fits the points and leaves out what does not belong. False where nothing sensible is left.
 bool refit(const CandidateHistory& history, const FlightKnowledge& knowledge, bool drag_unknown,
            GrownFlight& flight) {
-  const auto rays = rays_of(history, flight.points, knowledge.noise_scale);
+  const auto rays = rays_of(history, flight.points, knowledge);
   auto fit = fit_flight(0, history.epoch(), rays, settings_for(knowledge, drag_unknown));
   if (!fit) return false;
   std::vector<CandidateRef> kept;
@@ -72,7 +79,7 @@ double distance_chi2(const CandidateHistory& history, const FlightKnowledge& kno
   if (position.dot(candidate.ray.direction_cam) <= 0) return 1e300;
   const double range = position.norm();
   const Eigen::Vector3d unit = position / range;
-  const Eigen::Matrix<double, 2, 3> W = candidate.ray.whitener / knowledge.noise_scale;
+  const Eigen::Matrix<double, 2, 3> W = candidate.ray.whitener / noise_factor(knowledge, candidate);
   const Eigen::Vector2d r = W * unit;
   // Far outside even a poor prediction: spare the covariance.
   if (r.squaredNorm() > 1e6) return 1e300;

@@ -15,6 +15,9 @@ struct FlightKnowledge {
   double drag_per_m = 0.0;
   double sigma_drag_per_m = 0.0;  ///< 0: known
   double noise_scale = 1.0;       ///< true noise over stated noise
+  /// What fourth differences do not see, added in quadrature [px]: a detector's errors that last
+  /// from frame to frame, as over a background as bright as the ball.
+  double slow_error_px = 0.0;
 };
 
 /// Candidates that obey one flight, times ascending.

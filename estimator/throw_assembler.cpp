@@ -16,6 +16,7 @@ namespace {
 
 constexpr double unknown_drag_per_m = 0.02, sigma_unknown_drag_per_m = 0.08;
 constexpr double sigma_gravity_rad = 0.0035;  // of the mean over a camera's flights
+constexpr double slow_error_px = 0.1;         // beside the noise, where the rig states none
 constexpr double max_piece_gap_s = 0.15, max_joined_chi2_per_dof = 2.0;
 // What the tree's alignments do not say of their own errors: heading, position, offset.
 constexpr double tree_sigma_rad = 0.004, tree_sigma_m = 0.02, tree_sigma_s = 0.0005;
@@ -75,7 +76,10 @@ void correct_noise(std::vector<ThrowPart>& parts) {
   if (scales.empty()) return;
   const double scale = median(scales);
   for (ThrowPart& part : parts)
-    for (TimedRay& ray : part.rays) ray.whitener /= scale;
+    for (std::size_t i = 0; i < part.rays.size(); ++i) {
+      const double var_px2 = 0.5 * part.track.sightings[i].cov_px2.trace();
+      part.rays[i].whitener /= std::sqrt(scale * scale + slow_error_px * slow_error_px / var_px2);
+    }
 }
 
 /// Tracks that are pieces of one flight become one.
