@@ -7,7 +7,7 @@
 namespace throwcal {
 namespace {
 
-constexpr double max_step_s = 0.01;
+constexpr double max_step_s = 0.025;
 
 Eigen::Vector3d acceleration(const Eigen::Vector3d& velocity, const Eigen::Vector3d& gravity,
                              double drag) {

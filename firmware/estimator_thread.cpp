@@ -119,7 +119,9 @@ void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {
   if (!search_) return;
   if (std::vector<Track> flights = search_->add(frame); !flights.empty()) {
     news_.post({.flights = std::move(flights)});
-    calibrate_at_ = std::max(frame.time + settling_time, frame.time + pause_);
+    // Never put off: with many flights the next would always come before the pause is over.
+    if (!calibrate_at_)
+      calibrate_at_ = frame.time + std::max<HostClock::duration>(settling_time, pause_);
   }
   if (calibrate_at_ && frame.time >= *calibrate_at_) {
     calibrate_at_.reset();

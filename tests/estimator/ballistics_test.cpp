@@ -29,6 +29,17 @@ TEST(Ballistics, FlyingThereAndBackReturnsToTheStart) {
   EXPECT_LT((back.velocity_mps - start.velocity_mps).norm(), 1e-9);
 }
 
+TEST(Ballistics, TheStepIsFineEnoughForAFastBallInThickAir) {
+  // A table-tennis ball at 12 m/s, over a second: one call against a thousand.
+  const BallState smash{{0, 0, 1}, {10, 0, 6.6}};
+  BallState fine = smash;
+  for (int i = 0; i < 1000; ++i) fine = fly(fine, 0.001, gravity, 0.12);
+  EXPECT_LT((fly(smash, 1.0, gravity, 0.12).position_m - fine.position_m).norm(), 1e-6);
+  BallState tennis = start;
+  for (int i = 0; i < 1000; ++i) tennis = fly(tennis, 0.001, gravity, 0.0175);
+  EXPECT_LT((fly(start, 1.0, gravity, 0.0175).position_m - tennis.position_m).norm(), 1e-8);
+}
+
 TEST(Ballistics, SensitivitiesAreTheDerivatives) {
   for (double drag : {0.0, 0.0175, 0.1}) {
     const Propagation p = propagate(start, 0.8, gravity, drag);
