@@ -18,7 +18,7 @@ constexpr double settled_gain = 2e-3;  ///< of the cost: moves the ball by 1/16 
 constexpr double robust_sigmas = 3.0;
 constexpr double foreign_sigmas = 5.0;  ///< beside the ball, this is not the background
 /// 1-sigma of the harmonics of the first and second degree, relative to the ball's contrast.
-constexpr double first_spread = 0.7, second_spread = 0.5;
+constexpr double first_spread = 1.0, second_spread = 0.6;
 constexpr double min_radius_px = 0.8;
 constexpr double poor_misfit = 3.0;
 constexpr int hopeless_steps = 3;

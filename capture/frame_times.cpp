@@ -11,8 +11,10 @@ namespace throwcal {
 namespace {
 
 constexpr std::string_view spaces = " \t\r";
-constexpr int ms_digits = 12;  ///< 10^12 ms are 31 years: the nanoseconds fit 64 bits
-constexpr int ns_digits = 6;   ///< of a millisecond
+constexpr std::int64_t most_ms =
+    9'000'000'000'000;  ///< 285 years: in nanoseconds that fits 64 bits
+constexpr std::size_t ms_digits = 13;
+constexpr int ns_digits = 6;  ///< of a millisecond
 
 std::string_view trimmed(std::string_view text) {
   const auto first = text.find_first_not_of(spaces);
@@ -42,7 +44,7 @@ std::optional<std::int64_t> nanoseconds_of(std::string_view text) {
   std::string fraction(part.substr(0, ns_digits));
   fraction.resize(ns_digits, '0');
   const auto ms = digits(whole), ns = digits(fraction);
-  if (!ms || !ns) return std::nullopt;
+  if (!ms || !ns || *ms > most_ms) return std::nullopt;
   const std::int64_t sum = *ms * 1'000'000 + *ns + rounds_up;
   return is_negative ? -sum : sum;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "capture/video_camera.h"
 
+#include <cstdlib>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -22,8 +23,9 @@ VideoCamera::VideoCamera(const CameraSource& source, std::string path)
   const std::string whose = "camera " + source_.name + ": ";
   if (!std::filesystem::is_regular_file(path_))
     throw std::runtime_error(whose + path_ + ": no such video file");
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);  // libraries do not log: what is wrong is thrown
   try {
-    video_.open(path_, cv::CAP_ANY);
+    video_.open(path_, cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {  // an unreadable file is told below
   }
   if (!video_.isOpened())
@@ -32,7 +34,7 @@ VideoCamera::VideoCamera(const CameraSource& source, std::string path)
   if (has.width_px != source_.model.width_px || has.height_px != source_.model.height_px)
     throw std::runtime_error(whose + path_ + ": pictures of " +
                              size_text(has.width_px, has.height_px) + " px; the rig says " +
-                             size_text(source_.model.width_px, source_.model.height_px));
+                             size_text(source_.model.width_px, source_.model.height_px) + " px");
   times_path_ = std::filesystem::path(path_).replace_extension("timestamps.txt").string();
   has_times_ = std::filesystem::exists(times_path_);
   if (has_times_) times_ = read_frame_times(times_path_);

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "capture/rig.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <map>
+#include <thread>
+
+#include "capture/camera_factory.h"
+
+namespace throwcal {
+namespace {
+
+/// Small pictures: these tests are about threads.
+SimulatedSceneSettings small_scene() {
+  return {.seed = 2, .cameras = 3, .width_px = 160, .height_px = 120, .focal_px = 120};
+}
+
+CameraSource simulated(CameraId id, const std::shared_ptr<const SimulatedScene>& scene) {
+  CameraSource source;
+  source.id = id;
+  source.name = "cam" + std::to_string(id + 1);
+  source.source = "simulated";
+  source.model = scene->rig().cameras.at(id).model;
+  source.scene = scene;
+  source.paced = false;
+  return source;
+}
+
+/// A camera that breaks after some frames.
+class BreakingCamera : public Camera {
+ public:
+  explicit BreakingCamera(std::uint64_t frames) : left_(frames) {}
+  const std::string& name() const override { return name_; }
+  Format format() const override { return {32, 24, PixelFormat::grey, 60}; }
+  CameraModel model() const override { return {.width_px = 32, .height_px = 24}; }
+  bool waits_for_reader() const override { return true; }
+  void start() override {}
+  Outcome next(std::span<std::uint8_t> slot, Frame& frame) override {
+    if (left_-- == 0) return Outcome::failed;
+    frame.sequence = sequence_ += 2;  // every second frame is lost
+    frame.image = {slot.data(), 32, 24, 32, PixelFormat::grey};
+    return Outcome::frame;
+  }
+  void interrupt() override {}
+  std::string error() const override { return "the cable came off"; }
+
+ private:
+  std::string name_ = "loose";
+  std::uint64_t left_, sequence_ = 0;
+};
+
+TEST(Rig, HandsOutEveryFrameOfUnpacedCamerasInOrderAndThenEnds) {
+  const auto scene = std::make_shared<const SimulatedScene>(small_scene());
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (CameraId id = 0; id < 3; ++id) {
+    CameraSource source = simulated(id, scene);
+    source.scene_end_s = 2.0;
+    cameras.push_back(make_camera(source));
+  }
+  Rig rig(std::move(cameras), {.ring_slots = 4, .queue_frames = 8});
+  rig.start();
+  std::map<CameraId, std::vector<HostTime>> times;
+  while (const auto frame = rig.next({})) times[frame->camera].push_back(frame->time);
+  for (CameraId id = 0; id < 3; ++id) {
+    ASSERT_EQ(times[id].size(), 120u);
+    for (std::size_t n = 1; n < times[id].size(); ++n)
+      EXPECT_NEAR(seconds(times[id][n] - times[id][n - 1]), 1.0 / 60, 2e-9);
+  }
+  EXPECT_EQ(rig.sightings_dropped(), 0u);
+  for (const CameraStats& stats : rig.stats()) {
+    EXPECT_EQ(stats.frames, 120u);
+    EXPECT_EQ(stats.frames_dropped + stats.frames_lost_by_driver, 0u);
+    EXPECT_FALSE(stats.running);
+    EXPECT_EQ(stats.error, "");
+  }
+}
+
+TEST(Rig, ACameraThatFailsSaysWhyAndTheOthersGoOn) {
+  const auto scene = std::make_shared<const SimulatedScene>(small_scene());
+  CameraSource source = simulated(0, scene);
+  source.scene_end_s = 1.0;
+  std::vector<std::unique_ptr<Camera>> cameras;
+  cameras.push_back(make_camera(source));
+  cameras.push_back(std::make_unique<BreakingCamera>(5));
+  Rig rig(std::move(cameras), {});
+  rig.start();
+  int frames = 0;
+  while (rig.next({})) ++frames;
+  EXPECT_EQ(frames, 60 + 5);
+  const CameraStats broken = rig.stats()[1];
+  EXPECT_EQ(broken.error, "the cable came off");
+  EXPECT_FALSE(broken.running);
+  EXPECT_EQ(broken.frames, 5u);
+  EXPECT_EQ(broken.frames_lost_by_driver, 4u);
+  EXPECT_EQ(rig.stats()[0].error, "");
+}
+
+TEST(Rig, StopsWhileCamerasWaitForLightAndTheQueueIsFull) {
+  const auto scene = std::make_shared<const SimulatedScene>(small_scene());
+  std::vector<std::unique_ptr<Camera>> cameras;
+  cameras.push_back(make_camera(simulated(0, scene)));  // endless, and soon waits for the queue
+  CameraSource paced = simulated(1, scene);
+  paced.paced = true;
+  paced.scene_start =
+      HostTime((std::chrono::steady_clock::now() + std::chrono::hours(1)).time_since_epoch());
+  cameras.push_back(make_camera(paced));  // its first frame is due in an hour
+  Rig rig(std::move(cameras), {.ring_slots = 2, .queue_frames = 3});
+  rig.start();
+  EXPECT_TRUE(rig.next({}));
+  rig.stop();  // or this test never ends
+  for (const CameraStats& stats : rig.stats()) EXPECT_FALSE(stats.running);
+  while (rig.next({})) continue;
+}
+
+TEST(Rig, NextGivesUpWhenStopIsRequested) {
+  const auto scene = std::make_shared<const SimulatedScene>(small_scene());
+  CameraSource paced = simulated(0, scene);
+  paced.paced = true;
+  paced.scene_start =
+      HostTime((std::chrono::steady_clock::now() + std::chrono::hours(1)).time_since_epoch());
+  std::vector<std::unique_ptr<Camera>> cameras;
+  cameras.push_back(make_camera(paced));
+  Rig rig(std::move(cameras), {});
+  rig.start();
+  std::jthread reader([&](std::stop_token stop) { EXPECT_FALSE(rig.next(stop)); });
+  reader.request_stop();
+}
+
+}  // namespace
+}  // namespace throwcal
