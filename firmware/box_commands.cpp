@@ -110,7 +110,7 @@ bool follow(BoxClient& box, LiveLine& line, double timeout_s, const Enough& enou
   }
 }
 
-void add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+CLI::App* add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* command = app.add_subcommand("status", "What the box does now");
   command->footer("Example:\n  throwcal status --host box.local");
   command->callback([box, &status] {
@@ -119,6 +119,7 @@ void add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& b
     print(now, status_text(now), box->json);
     status = exit_accepted;
   });
+  return command;
 }
 
 void start_capture(const BoxOptions& options) {
@@ -144,7 +145,7 @@ void stop_capture(const BoxOptions& options, double timeout_s, bool wait) {
   print(now, status_line(now) + "\n", options.json);
 }
 
-void add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* capture = app.add_subcommand("capture", "Start or stop a session of throws");
   capture->require_subcommand(1);
   capture->footer(
@@ -165,9 +166,10 @@ void add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& 
     stop_capture(*box, *timeout_s, !*no_wait);
     status = exit_accepted;
   });
+  return capture;
 }
 
-void add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+CLI::App* add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* command = app.add_subcommand("fetch", "Get the latest calibration");
   auto output = std::make_shared<std::string>();
   auto truth = std::make_shared<std::string>();
@@ -185,9 +187,10 @@ void add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& bo
     print(document, calibration_table(calibration, true_rig), box->json);
     status = calibration.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;
   });
+  return command;
 }
 
-void add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
+CLI::App* add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* command = app.add_subcommand("watch", "Follow what the box does");
   auto throws = std::make_shared<int>(0);
   auto timeout_s = std::make_shared<double>(0.0);
@@ -202,26 +205,25 @@ void add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& bo
     });
     status = reached ? exit_accepted : exit_failed;
     if (!reached && *throws > 0)
-      throw BoxError("only after " + shortest(*timeout_s) + " s: fewer than " +
+      throw BoxError("after " + shortest(*timeout_s) + " s there were fewer than " +
                      std::to_string(*throws) + " throws");
   });
+  return command;
 }
 
 }  // namespace
 
 void add_box_commands(CLI::App& app, int& status) {
   auto box = std::make_shared<BoxOptions>();
-  const auto before = app.get_subcommands({}).size();
-  add_status(app, status, box);
-  add_capture(app, status, box);
-  add_fetch(app, status, box);
-  add_watch(app, status, box);
-  const auto all = app.get_subcommands({});
-  for (std::size_t i = before; i < all.size(); ++i) {
-    all[i]->add_option("--host", box->host, "The box: HOST or HOST:PORT")->capture_default_str();
-    all[i]->add_flag("--json", box->json, "Print JSON for scripts");
-    for (CLI::App* nested : all[i]->get_subcommands({})) nested->fallthrough();
-  }
+  const auto with_box = [&](CLI::App* command) {
+    command->add_option("--host", box->host, "The box: HOST or HOST:PORT")->capture_default_str();
+    command->add_flag("--json", box->json, "Print JSON for scripts");
+  };
+  with_box(add_status(app, status, box));
+  CLI::App* capture = add_capture(app, status, box);
+  for (CLI::App* command : capture->get_subcommands({})) with_box(command);
+  with_box(add_fetch(app, status, box));
+  with_box(add_watch(app, status, box));
 }
 
 }  // namespace throwcal

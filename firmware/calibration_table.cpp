@@ -57,7 +57,7 @@ Row camera_row(const CameraCalibration& camera) {
   row.push_back(formatted("%.3f", 1e3 * camera.time_offset_s));
   row.push_back(camera.sigma_time_offset_s ? formatted("%.3f", 1e3 * *camera.sigma_time_offset_s)
                                            : "-");
-  row.push_back(formatted("%.2f", camera.reprojection_rms_px));
+  row.push_back(camera.sightings_used ? formatted("%.2f", camera.reprojection_rms_px) : "-");
   return row;
 }
 

@@ -2,12 +2,17 @@
 #include "firmware/cameras.h"
 
 #include <chrono>
+#include <cstdlib>
+#include <opencv2/core/utils/logger.hpp>
 
 #include "capture/camera_factory.h"
 #include "firmware/input_error.h"
 
 namespace throwcal {
 namespace {
+
+/// Sightings wait while the estimator is at a calibration of many throws: minutes of eight cameras.
+constexpr int queue_frames = 1 << 16;
 
 HostTime host_now() {
   return HostTime(std::chrono::duration_cast<HostClock::duration>(
@@ -50,9 +55,15 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
   return cameras;
 }
 
+void silence_video_libraries() {
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);  // AV_LOG_QUIET
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+}
+
 RigSettings rig_settings(const Config& config) {
   RigSettings settings;
   settings.ball_diameter_m = config.rig.ball.diameter_m;
+  settings.queue_frames = queue_frames;
   return settings;
 }
 

@@ -13,6 +13,10 @@ namespace throwcal {
 /// expected) or what the driver says.
 std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);
 
+/// Keeps OpenCV and FFmpeg from printing of their own accord: what matters comes as an error with
+/// its place. Call first in main(), before any thread.
+void silence_video_libraries();
+
 /// What the detectors must know of the ball.
 RigSettings rig_settings(const Config& config);
 

@@ -2,6 +2,7 @@
 #include "firmware/journal.h"
 
 #include <systemd/sd-daemon.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -13,7 +14,8 @@ namespace {
 void write_line(const char* priority, std::string text) {
   std::ranges::replace_if(
       text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
-  std::fprintf(stderr, "%s%s\n", priority, text.c_str());
+  static const bool to_a_person = isatty(STDERR_FILENO) == 1;
+  std::fprintf(stderr, "%s%s\n", to_a_person ? "throwcald: " : priority, text.c_str());
 }
 
 }  // namespace

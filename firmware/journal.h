@@ -5,7 +5,8 @@
 
 namespace throwcal {
 
-/// Lines on standard error, with the priority marks that systemd's journal reads ("<6>...").
+/// Lines on standard error, with the priority marks that systemd's journal reads ("<6>..."); on a
+/// terminal with the program's name in their place.
 void log_info(const std::string& text);
 void log_warning(const std::string& text);
 void log_error(const std::string& text);

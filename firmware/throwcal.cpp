@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "firmware/box_client.h"
+#include "firmware/cameras.h"
 #include "firmware/commands.h"
 #include "firmware/input_error.h"
 
@@ -16,6 +17,7 @@ int tell(const std::exception& error, int status) {
 
 int main(int argc, char** argv) {
   using namespace throwcal;
+  silence_video_libraries();
   CLI::App app("throwcal calibrates a rig of cameras from thrown balls.", "throwcal");
   app.set_version_flag("--version", "throwcal " THROWCAL_VERSION);
   app.require_subcommand(1);

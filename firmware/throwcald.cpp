@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 
+#include "firmware/cameras.h"
 #include "firmware/daemon.h"
 #include "firmware/input_error.h"
 
@@ -28,6 +29,7 @@ std::filesystem::path state_dir(const std::string& option, const throwcal::Confi
 
 int main(int argc, char** argv) {
   using namespace throwcal;
+  silence_video_libraries();
   CLI::App app("throwcald: watches thrown balls and calibrates the cameras.", "throwcald");
   std::string config_file, listen, state, port_file;
   app.set_version_flag("--version", "throwcal " THROWCAL_VERSION);
@@ -35,9 +37,9 @@ int main(int argc, char** argv) {
   app.add_option("--listen", listen, "ADDRESS:PORT, in place of the rig file's; port 0: any");
   app.add_option("--state-dir", state, "Where sessions and calibrations are kept");
   app.add_option("--port-file", port_file, "A file that gets the port once it is open");
-  CLI11_PARSE(app, argc, argv);
   prepare_signals();
   try {
+    app.parse(argc, argv);
     Config config = read_config(config_file);
     for (const std::string& warning : config.warnings) log_warning(warning);
     if (!listen.empty()) {
@@ -47,6 +49,8 @@ int main(int argc, char** argv) {
     }
     Daemon(config, {config_file, state_dir(state, config), port_file}).run();
     return 0;
+  } catch (const CLI::Success& asked_for_help) {
+    return app.exit(asked_for_help);
   } catch (const std::exception& error) {
     log_error(error.what());
     return 2;

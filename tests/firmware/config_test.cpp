@@ -153,8 +153,8 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
 }
 
 TEST(Config, AKeyThatNobodyReadsIsAWarning) {
-  const Config config = parsed("colour = 1\n[site]\ngravty = 3\n" + north +
-                               "exposure_s = 0.001\n" + east);
+  const Config config =
+      parsed("colour = 1\n[site]\ngravty = 3\n" + north + "exposure_s = 0.001\n" + east);
   EXPECT_EQ(config.warnings, (std::vector<std::string>{
                                  "rig.toml:1: colour is not a known key",
                                  "rig.toml:3: [site] gravty is not a known key",
