@@ -2,6 +2,7 @@
 #include "firmware/daemon.h"
 
 #include <sys/epoll.h>
+#include <sys/resource.h>
 #include <sys/utsname.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
@@ -22,6 +23,10 @@ constexpr auto tick_period = 100ms;        // notifications come at most this of
 constexpr auto heartbeat_period = 1000ms;  // counters alone are told this often
 /// Frames after which a detector surely knows its background.
 constexpr std::uint64_t warm_frames = 30;
+
+/// Behind the cameras' threads: however busy clients or a calibration keep the processor, pictures
+/// come first. Threads made later inherit it.
+constexpr int niceness = 10;
 
 std::string host_name() {
   utsname names{};
@@ -58,6 +63,7 @@ Daemon::~Daemon() = default;
 
 void Daemon::run() {
   rig_.start();
+  setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_);
   resume_unsolved();
   if (!settings_.port_file.empty())

@@ -32,7 +32,7 @@ def a_batch_and_a_notification(port) -> None:
                     {"jsonrpc": "2.0", "id": "b", "method": "system.info"}]
         client.send(json.dumps(requests).encode() + b"\r\n\n")
         cameras, info = client.line()
-        assert [c["name"] for c in cameras["result"]] == ["cam1", "cam2", "cam3", "cam4"]
+        assert [c["name"] for c in cameras["result"]] == ["cam1", "cam2"]
         assert info["id"] == "b" and info["result"]["software"].startswith("throwcal "), info
 
 
@@ -112,7 +112,8 @@ def cameras_of(port) -> list[dict]:
 
 
 def story(build, folder) -> None:
-    box.simulate(build, folder)
+    # Small pictures, so that a machine loaded with other work does not lose frames by itself.
+    box.simulate(build, folder, "--cameras", "2", "--width", "320", "--height", "240", "--focal", "240", "--fps", "30")
     with box.running_box(build, folder) as the_box:
         box.until(lambda: all(c["frames"] > 0 for c in cameras_of(the_box.port)), "every camera runs")
         before = cameras_of(the_box.port)
