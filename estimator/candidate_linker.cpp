@@ -11,6 +11,7 @@ namespace throwcal {
 namespace {
 
 constexpr std::int64_t max_start_gap = 3, max_gap = 6;  // frames
+constexpr double max_pause_s = 0.3;
 constexpr std::size_t fit_points = 6;
 constexpr double gate_sigmas = 4.5;
 constexpr double slack_px = 1.0;  // what a quadratic over six frames leaves of a thrown ball
@@ -88,6 +89,15 @@ bool may_be_one(const Candidate& a, const Candidate& b, const Candidate& c) {
 void CandidateLinker::add(const CandidateHistory& history) {
   const CandidateFrame& newest = history.frame(history.end_frame() - 1);
   std::vector<bool> claimed(newest.candidates.size(), false);
+  // A pause in the stream ends whatever moved before it, and its frames may be gone.
+  std::erase_if(live_, [&](Tracklet& tracklet) {
+    const std::size_t n = std::min(tracklet.points.size(), fit_points);
+    const bool held = history.holds(tracklet.points[tracklet.points.size() - n]);
+    const bool paused =
+        !held || newest.time_s - history.frame(tracklet.points.back().frame).time_s > max_pause_s;
+    if (paused && tracklet.points.size() > fit_points) ended_.push_back(std::move(tracklet));
+    return paused;
+  });
   extend(history, claimed);
   start(history, claimed);
   end_stale(history);
@@ -146,10 +156,7 @@ void CandidateLinker::end_stale(const CandidateHistory& history) {
     // A young tracklet that misses twice was chance; an old one may pass behind a post.
     const std::int64_t patience = std::min<std::int64_t>(max_gap, std::ssize(tracklet.points) - 1);
     const bool lost = now - tracklet.points.back().frame > patience;
-    const bool gone = !history.holds(
-        tracklet
-            .points[tracklet.points.size() > fit_points ? tracklet.points.size() - fit_points : 0]);
-    if (!same && !lost && !gone)
+    if (!same && !lost)
       kept.push_back(std::move(tracklet));
     else if (!same && tracklet.points.size() > fit_points)
       ended_.push_back(std::move(tracklet));

@@ -16,6 +16,7 @@ constexpr double tick_s = 0.05;            // how often the stream is searched
 constexpr double slow_interval_s = 0.025;  // slower cameras get longer windows
 constexpr double over_s = 0.12;            // unseen for so long, a flight is over
 constexpr std::int64_t over_frames = 7;
+constexpr double max_pause_s = 0.3;  // whatever the number of frames
 constexpr std::size_t remembered_flights = 40, agreeing_flights = 3;
 constexpr double min_sigma_gravity_rad = 0.0035;  // 0.2 degrees: the agreement's own error
 constexpr double max_sigma_gravity_rad = 0.02;
@@ -51,6 +52,13 @@ struct FlightFinder::State {
     if (!noise_stated) knowledge.slow_error_px = slow_error_px;
     knowledge.drag_per_m = start_drag_per_m;
     knowledge.sigma_drag_per_m = estimate_drag ? sigma_unknown_drag_per_m : 0.0;
+  }
+
+  /// Whether the stream paused for so long that whatever flew before is over.
+  bool pauses_before(const FrameSightings& frame) const {
+    if (history.begin_frame() == history.end_frame()) return false;
+    const double time_s = seconds(frame.time - history.epoch());
+    return time_s - history.frame(history.end_frame() - 1).time_s > max_pause_s;
   }
 
   /// False while the noise is unknown: then nothing can be tested.
@@ -138,8 +146,8 @@ struct FlightFinder::State {
 
   bool is_over(const GrownFlight& flight) const {
     const std::int64_t last = history.end_frame() - 1, seen = flight.points.back().frame;
-    return last - seen >= over_frames &&
-           history.frame(last).time_s - history.frame(seen).time_s > over_s;
+    const double unseen_s = history.frame(last).time_s - history.frame(seen).time_s;
+    return unseen_s > max_pause_s || (last - seen >= over_frames && unseen_s > over_s);
   }
 
   bool passes(const GrownFlight& flight) const {
@@ -202,6 +210,8 @@ struct FlightFinder::State {
       tracklet.tested_until_s = 1e300;  // it will not grow
     }
     for (Tracklet& tracklet : linker.live()) search(tracklet);
+    // No throw outlasts the history.
+    std::erase_if(open, [&](const GrownFlight& f) { return !history.holds(f.points.front()); });
     for (GrownFlight& flight : open) grow_flight(history, knowledge, flight);
     merge_open();
     std::vector<GrownFlight> still_open;
@@ -227,12 +237,15 @@ FlightFinder::~FlightFinder() = default;
 FlightFinder::FlightFinder(FlightFinder&&) noexcept = default;
 
 std::vector<Track> FlightFinder::add(const FrameSightings& frame) {
-  if (!state_->history.add(frame)) return {};
+  std::vector<Track> out;
+  if (state_->pauses_before(frame)) out = state_->tick(true);
+  if (!state_->history.add(frame)) return out;
   state_->linker.add(state_->history);
   const double now_s = state_->history.frame(state_->history.end_frame() - 1).time_s;
-  if (now_s < state_->next_tick_s) return {};
+  if (now_s < state_->next_tick_s) return out;
   state_->next_tick_s = now_s + tick_s;
-  return state_->tick(false);
+  for (Track& track : state_->tick(false)) out.push_back(std::move(track));
+  return out;
 }
 
 std::vector<Track> FlightFinder::finish() {

@@ -16,6 +16,7 @@ constexpr double max_log_size_error = 0.35;  // apparent against expected; a wal
 constexpr double gate_chi2 = 16.0;           // 4 sigma along the worse direction
 constexpr double patience_s = 0.1;           // a flight is over after so long unseen
 constexpr std::int64_t patience_frames = 6;
+constexpr double max_pause_s = 0.3;  // whatever the number of frames
 constexpr int max_growth_rounds = 30;
 constexpr std::size_t bent_points = 4;  // of a hand, that a short flight's fit may swallow
 constexpr double max_merge_gap_s = 0.15;
@@ -117,7 +118,7 @@ std::vector<CandidateRef> beyond(const CandidateHistory& history, const FlightKn
   for (std::int64_t f = edge + direction; f >= history.begin_frame() && f < history.end_frame();
        f += direction) {
     const double gap_s = std::abs(history.frame(f).time_s - history.frame(seen).time_s);
-    if (std::abs(f - seen) > patience_frames && gap_s > patience_s) break;
+    if (gap_s > max_pause_s || (std::abs(f - seen) > patience_frames && gap_s > patience_s)) break;
     if (std::abs(history.frame(f).time_s - history.frame(edge).time_s) > horizon_s) break;
     const auto i = nearest(history, knowledge, flight.fit, f);
     if (!i) continue;

@@ -21,6 +21,10 @@ void NoiseEstimate::add(const CandidateHistory& history, Tracklet& tracklet) {
     const std::array<CandidateRef, 5> five{points[i - 4], points[i - 3], points[i - 2],
                                            points[i - 1], points[i]};
     if (five[4].frame - five[0].frame != 4 || !history.holds(five[0])) continue;
+    // Frames in which nothing was seen may be missing from a recording.
+    const double span_s = history.frame(five[4].frame).time_s - history.frame(five[0].frame).time_s;
+    if (std::abs(span_s - 4 * history.frame_interval_s()) > 0.4 * history.frame_interval_s())
+      continue;
     const auto pixel = [&](std::size_t k) { return history.at(five[k]).sighting.center_px; };
     if ((pixel(4) - pixel(0)).norm() < moving_px) continue;
     const Eigen::Vector2d fourth = pixel(0) - 4 * pixel(1) + 6 * pixel(2) - 4 * pixel(3) + pixel(4);

@@ -140,6 +140,20 @@ TEST(FlightFinder, AFlightIsReportedSoonAfterItEnds) {
   EXPECT_LT(delay_s[delay_s.size() / 2], 0.3);
 }
 
+TEST(FlightFinder, ARecordingMayPauseForMinutesAndLeaveEmptyFramesOut) {
+  const ThrowerSettings settings{.seed = 12, .throws = 4};
+  const Thrown scene = make_thrown(settings);
+  Stream stream = make_stream(scene, settings, 0, {.spots = false, .walker = false});
+  std::erase_if(stream.frames, [](const FrameSightings& f) { return f.sightings.empty(); });
+  // Ten minutes between the second throw and the third.
+  for (FrameSightings& frame : stream.frames)
+    if (frame.time > HostTime(from_seconds(4.2))) {
+      frame.time += std::chrono::minutes(10);
+      for (BallSighting& s : frame.sightings) s.time = frame.time;
+    }
+  expect_all_found(scene, stream, judge(find(scene.rig, 0, stream), stream));
+}
+
 TEST(FlightFinder, NothingSeenNothingFound) {
   const Thrown scene = make_thrown({.seed = 9});
   FlightFinder finder(scene.rig, 0);
