@@ -40,9 +40,10 @@ bool may_be_one(const CameraFlight& a, const CameraFlight& b, const AlignmentSet
   const double g = a.gravity_cam_mps2.norm();
   const double apart_s = std::abs(apex_s(b) + shift_s - apex_s(a));
   const double sigma_apex_s = std::sqrt(level_a.var_climb + level_b.var_climb) / g;
-  if (apart_s > limit_s + 4 * sigma_apex_s + 0.005) return false;
+  if (apart_s > limit_s + 4 * sigma_apex_s + 0.005 + 3 * settings.slack_mps / g) return false;
   const double sigma_speed = std::sqrt(level_a.var_speed + level_b.var_speed);
-  return std::abs(level_a.speed_mps - level_b.speed_mps) < 4 * sigma_speed + speed_slack_mps;
+  return std::abs(level_a.speed_mps - level_b.speed_mps) <
+         4 * sigma_speed + speed_slack_mps + 3 * settings.slack_mps;
 }
 
 /// One-to-one, the best agreement first.

@@ -15,9 +15,6 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int max_steps = 15;
-// What a flight's own covariance does not hold: the tilt that all flights of a camera share, drag
-// that was taken as known. Velocity in the same proportion to a flight's half second.
-constexpr double floor_rad = 0.003, floor_mps = 0.02;
 
 double common_moment_s(const CameraFlight& a, const CameraFlight& b, double b_epoch_on_a_s) {
   const double low = std::max(a.first_s, b.first_s + b_epoch_on_a_s);
@@ -51,9 +48,9 @@ Difference difference(const CameraAlignment& at, const CameraFlight& a, const Ca
   turn.bottomRightCorner<3, 3>() = R;
   out.covariance = a.covariance_at(t_a) + turn * b.covariance_at(t_b) * turn.transpose();
   const double floor2 =
-      floor_rad * floor_rad * (in_a.position_m.squaredNorm() + in_b.position_m.squaredNorm());
+      at.slack_rad * at.slack_rad * (in_a.position_m.squaredNorm() + in_b.position_m.squaredNorm());
   out.covariance.diagonal().head<3>().array() += floor2;
-  out.covariance.diagonal().tail<3>().array() += 2 * floor_mps * floor_mps;
+  out.covariance.diagonal().tail<3>().array() += 2 * at.slack_mps * at.slack_mps;
   out.J.setZero();
   out.J.block<3, 1>(0, 0) = -up.cross(position);
   out.J.block<3, 1>(3, 0) = -up.cross(velocity);
@@ -68,6 +65,8 @@ Difference difference(const CameraAlignment& at, const CameraFlight& a, const Ca
 CameraAlignment first_guess(std::span<const FlightPair> pairs, const std::vector<bool>& picked,
                             const AlignmentSettings& settings) {
   CameraAlignment out;
+  out.slack_rad = settings.slack_rad;
+  out.slack_mps = settings.slack_mps;
   double count = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (!picked[i]) continue;

@@ -22,7 +22,8 @@ struct CameraAlignment {
   /// Of (heading about the vertical [rad], translation in a's axes [m], offset [s]); the offset's
   /// row is zero where it was not estimated. Both tilts come from gravity and are not in it.
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
-  double chi2 = 0.0;       ///< over the pairs used
+  double slack_rad = 0.003, slack_mps = 0.02;  ///< of the settings that it was made with
+  double chi2 = 0.0;                           ///< over the pairs used
   std::vector<bool> used;  ///< a flag for each pair given; false: it contradicts the others
 };
 
@@ -30,6 +31,9 @@ struct AlignmentSettings {
   bool estimate_offset = true;
   double max_offset_s = 0.05;  ///< an alignment past it is none
   double gate_chi2 = 30.0;     ///< a pair further off than this (6 degrees of freedom) is wrong
+  /// What a flight's own covariance does not hold: the tilt that all flights of a camera share,
+  /// spin, a drag taken as known; of direction, and of velocity.
+  double slack_rad = 0.003, slack_mps = 0.02;
   double max_sigma_heading_rad = 0.3;  ///< past it the heading is not known and there is no result
 };
 

@@ -18,6 +18,7 @@ constexpr double unknown_drag_per_m = 0.02, sigma_unknown_drag_per_m = 0.08;
 constexpr double sigma_gravity_rad = 0.0035;  // of the mean over a camera's flights
 constexpr double slow_error_px = 0.1;         // beside the noise, where the rig states none
 constexpr double max_piece_gap_s = 0.15, max_joined_chi2_per_dof = 2.0;
+constexpr double max_chi2_per_dof = 3.0;
 // What the tree's alignments do not say of their own errors: heading, position, offset.
 constexpr double tree_sigma_rad = 0.004, tree_sigma_m = 0.02, tree_sigma_s = 0.0005;
 
@@ -106,6 +107,13 @@ void join_pieces(std::vector<ThrowPart>& parts) {
   }
 }
 
+/// Whether a track is a flight by the camera's own noise: one that holds a stroke or a bounce, or
+/// whose sightings are mostly outliers, would only mislead.
+bool is_clean(const CameraFlight& flight) {
+  const auto kept = std::count(flight.used.begin(), flight.used.end(), true);
+  return flight.chi2 < max_chi2_per_dof * flight.dof && 10 * kept >= 7 * std::ssize(flight.used);
+}
+
 /// Fits all tracks of a camera: each alone, then with the gravity that they agree on.
 CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector<Track>& tracks) {
   const CameraDescription& description = rig.cameras[camera];
@@ -120,8 +128,12 @@ CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector
   if (!description.sigma_px) correct_noise(parts);
   join_pieces(parts);
   std::vector<CameraFlight> alone;
-  for (const ThrowPart& part : parts)
-    if (const auto flight = fit(part)) alone.push_back(*flight);
+  std::erase_if(parts, [&](const ThrowPart& part) {
+    const auto flight = fit(part);
+    const bool good = flight && is_clean(*flight);
+    if (good) alone.push_back(*flight);
+    return !good;
+  });
   const auto gravity = mean_gravity(alone);
   for (ThrowPart& part : parts) {
     part.settings.gravity_cam_mps2 = gravity;
@@ -155,7 +167,8 @@ struct Agreement {
 };
 
 std::vector<Agreement> agreements(const std::vector<CameraView>& views, const CameraTree& tree,
-                                  const std::vector<FlightRef>& all, double gate_chi2) {
+                                  const std::vector<FlightRef>& all,
+                                  const AlignmentSettings& settings) {
   std::vector<Agreement> out;
   for (std::size_t p = 0; p < all.size(); ++p)
     for (std::size_t q = p + 1; q < all.size(); ++q) {
@@ -166,12 +179,14 @@ std::vector<Agreement> agreements(const std::vector<CameraView>& views, const Ca
       const CameraFlight& b = views[all[q].camera].flights[all[q].index];
       const double shift_s = seconds(b.epoch - a.epoch) + alignment->offset_b_minus_a_s;
       if (a.first_s > b.last_s + shift_s || b.first_s + shift_s > a.last_s) continue;
+      alignment->slack_rad = settings.slack_rad;
+      alignment->slack_mps = settings.slack_mps;
       alignment->covariance.diagonal() +=
           Eigen::Matrix<double, 5, 1>(tree_sigma_rad, tree_sigma_m, tree_sigma_m, tree_sigma_m,
                                       tree_sigma_s)
               .cwiseAbs2();
       const double chi2 = mismatch_chi2(*alignment, a, b);
-      if (chi2 < gate_chi2) out.push_back({chi2, p, q});
+      if (chi2 < settings.gate_chi2) out.push_back({chi2, p, q});
     }
   std::sort(out.begin(), out.end(),
             [](const Agreement& a, const Agreement& b) { return a.chi2 < b.chi2; });
@@ -204,6 +219,35 @@ std::vector<std::vector<std::size_t>> group(const std::vector<FlightRef>& all,
   return groups;
 }
 
+/// Which flights are one, and the rough rig under which they are.
+struct Assembly {
+  CameraTree tree;
+  std::vector<std::vector<std::size_t>> groups;  ///< into the list of all flights
+  std::size_t flights = 0;                       ///< in the groups
+};
+
+Assembly assemble_with(const std::vector<CameraView>& views, const std::vector<FlightRef>& all,
+                       const AlignmentSettings& settings) {
+  Assembly out{join_cameras(views, settings), {}};
+  out.groups = group(all, agreements(views, out.tree, all, settings));
+  for (const auto& members : out.groups) out.flights += members.size();
+  return out;
+}
+
+/// Strict first. Where that leaves most of what flew unexplained, spin or an odd drag may bend the
+/// flights, or gravity rests on few of them: then again with ten times the slack, if that explains
+/// at least twice as many.
+Assembly assemble_flights(const std::vector<CameraView>& views, const std::vector<FlightRef>& all,
+                          const AlignmentSettings& strict) {
+  Assembly out = assemble_with(views, all, strict);
+  if (3 * out.flights >= all.size()) return out;
+  AlignmentSettings loose = strict;
+  loose.slack_rad *= 10;
+  loose.slack_mps *= 10;
+  Assembly wider = assemble_with(views, all, loose);
+  return wider.flights >= 2 * out.flights ? wider : out;
+}
+
 Throw as_throw(std::vector<ThrowPart> parts) {
   cut_edges(parts);
   Throw out;
@@ -224,19 +268,19 @@ std::vector<Throw> ThrowAssembler::assemble() const {
   std::vector<CameraView> views;
   for (CameraId camera = 0; camera < rig_.cameras.size(); ++camera)
     views.push_back(view_of(rig_, camera, tracks_));
-  const AlignmentSettings settings{.estimate_offset = rig_.estimate_offsets,
-                                   .max_offset_s = settings_.max_offset_s};
-  const CameraTree tree = join_cameras(views, settings);
+  const AlignmentSettings strict{.estimate_offset = rig_.estimate_offsets,
+                                 .max_offset_s = settings_.max_offset_s};
 
   std::vector<FlightRef> all;
   for (CameraId camera = 0; camera < views.size(); ++camera)
     for (std::size_t i = 0; i < views[camera].flights.size(); ++i) all.push_back({camera, i});
+  const Assembly assembly = assemble_flights(views, all, strict);
   std::vector<std::pair<double, Throw>> timed;
-  for (const auto& members : group(all, agreements(views, tree, all, settings.gate_chi2))) {
+  for (const auto& members : assembly.groups) {
     std::vector<ThrowPart> parts;
     for (const std::size_t i : members) {
       parts.push_back(views[all[i].camera].parts[all[i].index]);
-      parts.back().offset_s = tree.offset_s(all[i].camera);
+      parts.back().offset_s = assembly.tree.offset_s(all[i].camera);
     }
     const double start_s = seconds(parts.front().epoch.time_since_epoch()) + parts.front().offset_s;
     timed.emplace_back(start_s, as_throw(std::move(parts)));
