@@ -23,7 +23,7 @@ constexpr double min_explained = 0.7;
 constexpr int max_parted_px2 = 40000;         ///< of a blob's box: an arm, not a person
 constexpr std::size_t fits_per_sighting = 3;  ///< bounds the time that a busy picture takes
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
-constexpr double sigma_model_px = 0.02;
+constexpr double sigma_model_px = 0.01;
 
 /// Brightness of a picture of any format; `converted` holds it where it has to be computed.
 cv::Mat luma(const ImageView& image, cv::Mat& converted) {

@@ -17,14 +17,15 @@ constexpr double beside_px = 1.5;
 constexpr double settled_gain = 2e-3;  ///< of the cost: moves the ball by 1/16 of its sigma
 constexpr double robust_sigmas = 3.0;
 constexpr double foreign_sigmas = 5.0;  ///< beside the ball, this is not the background
-/// 1-sigma of the harmonics of the first and second degree, relative to the ball's contrast.
-constexpr double first_spread = 1.0, second_spread = 0.6;
+/// 1-sigma of the light from sky and sun, relative to the ball's contrast.
+constexpr double sky_spread = 0.5, sun_spread = 1.5;
 constexpr double min_radius_px = 0.8;
 constexpr double poor_misfit = 3.0;
 constexpr int hopeless_steps = 3;
-constexpr double hopeless_explained = 0.5;
+constexpr double hopeless_explained = 0.6;
 
 using P = BallModel;
+constexpr int light = 6;  ///< sky and sun, the last parameters
 
 double cauchy_weight(double residual, double scale) {
   return 1 / (1 + residual * residual / (scale * scale));
@@ -63,10 +64,10 @@ BallFit::Vector BallFit::first_guess(const BallOutline& start) {
   p.segment<2>(P::centre) = start.centre_px;
   if (start.streak_px.norm() > still_px) p.segment<2>(P::streak) = start.streak_px;
   p[P::radius] = start.radius_px;
-  p[P::shade] = sum / std::max(1.0, count);
+  p[P::level] = sum / std::max(1.0, count);
   const double scale2 = std::max(1.0, std::pow(contrast / std::max(1.0, count), 2));
-  shade_prior_.head<3>().setConstant(1 / (first_spread * first_spread * scale2));
-  shade_prior_.tail<5>().setConstant(1 / (second_spread * second_spread * scale2));
+  light_prior_.head<3>().setConstant(1 / (sky_spread * sky_spread * scale2));
+  light_prior_.tail<3>().setConstant(1 / (sun_spread * sun_spread * scale2));
   return p;
 }
 
@@ -89,7 +90,7 @@ double BallFit::robust_scale() {
 }
 
 double BallFit::cost(const Vector& p, double scale) const {
-  double sum = 0.5 * shade_prior_.dot(p.tail<P::shades - 1>().cwiseAbs2());
+  double sum = 0.5 * light_prior_.dot(p.tail<light>().cwiseAbs2());
   for (const Pixel& pixel : pixels_)
     sum -= 0.5 * scale * scale * std::log(cauchy_weight(pixel.residual, scale));
   return sum;
@@ -103,13 +104,13 @@ BallFit::Solution BallFit::normal_equations(const Vector& p, double scale, Vecto
     const double weight = cauchy_weight(pixel.residual, scale);
     squares += weight * pixel.residual * pixel.residual;
     weights += weight;
-    if (pixel.derivative[P::shade] == 0.0) continue;
+    if (pixel.derivative[P::level] == 0.0) continue;
     out.information.selfadjointView<Eigen::Lower>().rankUpdate(pixel.derivative, weight);
     gradient += weight * pixel.residual * pixel.derivative;
   }
   out.misfit = squares / std::max(1.0, weights - size);
-  out.information.diagonal().tail<P::shades - 1>() += shade_prior_;
-  gradient.tail<P::shades - 1>() -= shade_prior_.cwiseProduct(p.tail<P::shades - 1>());
+  out.information.diagonal().tail<light>() += light_prior_;
+  gradient.tail<light>() -= light_prior_.cwiseProduct(p.tail<light>());
   if (p.segment<2>(P::streak).isZero(0.0))  // stays what it is: its derivative is zero there
     out.information.diagonal().segment<2>(P::streak).array() += 1.0;
   out.information.triangularView<Eigen::StrictlyUpper>() = out.information.transpose();
@@ -157,7 +158,7 @@ bool BallFit::look_beside(const cv::Mat& grey, const Background& background, con
   evaluate(model, p);
   bool is_new = false;
   for (Pixel& pixel : pixels_) {
-    const bool is_covered = pixel.derivative[P::shade] > 0.0;
+    const bool is_covered = pixel.derivative[P::level] > 0.0;
     const Eigen::Vector2d look = is_covered ? model.beside(pixel.at, p, beside_px) : pixel.at;
     const int x = cvRound(look.x()), y = cvRound(look.y());
     double behind = pixel.background;

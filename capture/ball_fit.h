@@ -60,8 +60,7 @@ class BallFit {
 
   std::vector<Pixel> pixels_;
   std::vector<double> sizes_;
-  Eigen::Matrix<double, BallModel::shades - 1, 1>
-      shade_prior_;  ///< 1 / variance; the first is free
+  Eigen::Matrix<double, 6, 1> light_prior_;  ///< 1 / variance of sky and sun
 };
 
 }  // namespace throwcal

@@ -9,32 +9,31 @@ namespace {
 
 constexpr int max_sub_exposures = 12;
 constexpr double limb_px = 0.3;
+constexpr double soft_grey = 6.0;    ///< width of the edge of the ball's own shadow
 constexpr double max_stretch = 1.5;  ///< of an outline's form: an ellipse of axes 2.2 to 1
 constexpr double min_limb = 0.15;    ///< keeps the sphere's slope finite at its limb
 
-using Shades = Eigen::Matrix<double, BallModel::shades, 1>;
-
-/// A surface normal: x, y in the picture, h towards the camera.
-struct Normal {
-  double x, y, h;
+/// The shade at a surface normal and how it depends on it.
+struct Shade {
+  Eigen::Vector3d normal, by_normal;
+  double grey, by_sun;  ///< by_sun: how much of the sun reaches there, 0 to 1
   bool is_limb;
 
   /// A pixel at the limb averages over normals: there h is not less than sqrt(limb / radius).
-  Normal(double at_x, double at_y, double radius_px) : x(at_x), y(at_y) {
-    const double h2 = 1 - x * x - y * y, least = limb_px / radius_px;
+  Shade(double x, double y, const BallModel::Vector& p) {
+    const double h2 = 1 - x * x - y * y, least = limb_px / p[BallModel::radius];
     is_limb = h2 < least;
-    h = std::sqrt(is_limb ? least : h2);
+    normal = {x, y, std::sqrt(is_limb ? least : h2)};
+    const Eigen::Vector3d sky = p.segment<3>(BallModel::sky), sun = p.segment<3>(BallModel::sun);
+    const double facing = sun.dot(normal), softened = std::hypot(facing, soft_grey);
+    by_sun = 0.5 * (1 + facing / softened);
+    grey = p[BallModel::level] + sky.dot(normal) + 0.5 * (facing + softened);
+    by_normal = sky + by_sun * sun;
   }
-  Shades harmonics() const {
-    Shades b;
-    b << 1.0, x, y, h, x * y, x * h, y * h, h * h, x * x - y * y;
-    return b;
-  }
-  /// Derivative of the shade by x and y, where h follows from them.
-  Eigen::Vector2d slope(const Shades& s) const {
-    const double by_h = is_limb ? 0.0 : (s[3] + s[5] * x + s[6] * y + 2 * s[7] * h) / h;
-    return {s[1] + s[4] * y + s[5] * h + 2 * s[8] * x - by_h * x,
-            s[2] + s[4] * x + s[6] * h - 2 * s[8] * y - by_h * y};
+  /// Derivative by x and y, where h follows from them.
+  Eigen::Vector2d slope() const {
+    const double by_h = is_limb ? 0.0 : by_normal.z() / normal.z();
+    return by_normal.head<2>() - by_h * normal.head<2>();
   }
 };
 
@@ -50,7 +49,6 @@ int sub_exposures(double streak_px, double radius_px) {
 double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const Vector& p,
                              Vector& derivative) const {
   const Eigen::Vector2d moved = p.segment<2>(streak);
-  const Shades shading = p.segment<shades>(shade);
   const double r = p[radius];
   const double streak_px = moved.norm();
   derivative.setZero();
@@ -67,12 +65,13 @@ double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const 
     if (coverage == 0.0) continue;
     // A pixel on the outline shows the part of the ball that it covers: half its coverage inside.
     const double inward = coverage < 1.0 ? (r - 0.5 * coverage) / (distance * r) : 1.0 / r;
-    const Normal normal(inward * off.x(), inward * off.y(), r);
-    const Shades harmonics = normal.harmonics();
-    const double contrast = harmonics.dot(shading) - behind, weight = share * coverage;
+    const Shade shade(inward * off.x(), inward * off.y(), p);
+    const double contrast = shade.grey - behind, weight = share * coverage;
     sum += weight * contrast;
-    derivative.segment<shades>(shade) += weight * harmonics;
-    Eigen::Vector2d by_off = weight / r * normal.slope(shading);
+    derivative[level] += weight;
+    derivative.segment<3>(sky) += weight * shade.normal;
+    derivative.segment<3>(sun) += weight * shade.by_sun * shade.normal;
+    Eigen::Vector2d by_off = weight / r * shade.slope();
     double by_radius = -by_off.dot(off) / r;
     if (coverage < 1.0) {
       by_off -= share * contrast / distance * off;

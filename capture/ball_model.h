@@ -8,20 +8,21 @@ namespace throwcal {
 /// coverage x (shade - background).
 ///
 /// Coverage follows the outline (a circle in coordinates that undo its form) along its streak.
-/// Shade is what a matt sphere reflects towards the camera: under any lighting from afar that is,
-/// within a per cent or so, a sum of spherical harmonics of the surface's normal up to the second
-/// degree (Ramamoorthi and Hanrahan, 2001). So a lit side does not pull the centre.
+/// Shade is that of a matt ball under a lamp (or the sun), an even sky and light from all around:
+/// level + sky . n + max(0, sun . n) with n the surface's normal: x, y in the picture, h towards
+/// the camera. So a lit side does not pull the centre; a sum without the maximum, whose kink is the
+/// edge of the ball's own shadow, would be pulled by some hundredths of a pixel.
 class BallModel {
  public:
-  enum Parameter : int { centre = 0, streak = 2, radius = 4, shade = 5 };  ///< first index of each
-  static constexpr int shades = 9, size = shade + shades;  ///< shade: x y h: 1, x, y, h, xy, ...
+  enum Parameter : int { centre = 0, streak = 2, radius = 4, level = 5, sky = 6, sun = 9 };
+  static constexpr int size = 12;
   using Vector = Eigen::Matrix<double, size, 1>;
 
   /// `form`: symmetric, determinant 1: times a circle, the outline.
   explicit BallModel(const Eigen::Matrix2d& form) : form_(form), to_circle_(form.inverse()) {}
 
   /// Difference to the background [grey levels] at a pixel that shows `behind` without the ball,
-  /// and its derivative by the parameters. The derivative by shade's first is the coverage.
+  /// and its derivative by the parameters. The derivative by `level` is the coverage.
   double difference(const Eigen::Vector2d& pixel, double behind, const Vector& p,
                     Vector& derivative) const;
 

@@ -7,7 +7,7 @@
 namespace throwcal {
 namespace {
 
-constexpr std::uint64_t buffered_frames = 4;  ///< finished frames that wait for a late reader
+constexpr std::uint64_t buffered_frames = 8;  ///< finished frames that wait for a late reader
 
 }  // namespace
 

@@ -96,12 +96,13 @@ class BallDetectorOnCamera : public testing::TestWithParam<CameraId> {};
 INSTANTIATE_TEST_SUITE_P(, BallDetectorOnCamera, testing::Values(0, 1, 2, 3));
 
 // Balls of 3 to 5 px radius, pixel noise of 2 to 3 grey levels on a contrast of 30 to 150. The
-// noise alone gives 0.02 to 0.03 px; the rest is what stands behind the ball and its shade.
+// noise alone gives 0.02 px; the rest is what stands behind the ball. A bias counts most: it is the
+// same in all of a flight, so that a calibration cannot average it away.
 TEST_P(BallDetectorOnCamera, FindsTheProjectionOfABallsCentre) {
   const Score score = watch({.seed = 11}, GetParam(), 5.6);
   EXPECT_GT(score.recall(), 0.95) << score.text();
-  EXPECT_LT(score.rms_px(), 0.08) << score.text();
-  EXPECT_LT(score.bias_px(), 0.05) << score.text();
+  EXPECT_LT(score.rms_px(), 0.06) << score.text();
+  EXPECT_LT(score.bias_px(), 0.015) << score.text();
   EXPECT_GT(score.normalised_error(), 0.4) << score.text();
   EXPECT_LT(score.normalised_error(), 2.0) << score.text();
   EXPECT_LT(std::abs(score.log_radius / score.found), 0.1);
@@ -123,8 +124,8 @@ TEST(BallDetector, CorrectsALargeBallForPerspective) {
 TEST(BallDetector, TakesTheMiddleOfAStreak) {
   const Score score = watch({.seed = 6, .exposure_s = 0.008}, 1, 2.05);
   EXPECT_GT(score.recall(), 0.9) << score.text();
-  EXPECT_LT(score.rms_px(), 0.12) << score.text();
-  EXPECT_LT(score.bias_px(), 0.1) << score.text();
+  EXPECT_LT(score.rms_px(), 0.08) << score.text();
+  EXPECT_LT(score.bias_px(), 0.03) << score.text();
 }
 
 TEST(BallDetector, ARollingShutterSeesTheBallWhenItsRowIsExposed) {
