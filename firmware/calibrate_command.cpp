@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 
 #include "capture/camera_factory.h"
 #include "capture/rig.h"
@@ -97,15 +98,14 @@ Recording read_videos(const Config& config, const std::vector<std::string>& vide
   ProgressBar bar("watching the videos");
   Recording out;
   std::size_t frames = 0;
-  std::vector<std::uint64_t> sightings_of(config.rig.cameras.size());
+  SightingNumbering numbering(config.rig.cameras.size());
   out.throws = find_throws(config.rig, [&] {
     std::optional<FrameSightings> frame = rig.next({});
     bar.show_count(std::to_string(++frames) + " frames");
-    if (frame)
-      for (BallSighting& sighting : frame->sightings) {
-        sighting.id = (std::uint64_t{frame->camera} << 40) + ++sightings_of[frame->camera];
-        out.sightings.push_back(sighting);
-      }
+    if (frame) {
+      numbering.number(*frame);
+      std::ranges::copy(frame->sightings, std::back_inserter(out.sightings));
+    }
     return frame;
   });
   check_ended_well(rig);

@@ -14,11 +14,6 @@ namespace {
 /// Sightings wait while the estimator is at a calibration of many throws: minutes of eight cameras.
 constexpr int queue_frames = 1 << 16;
 
-HostTime host_now() {
-  return HostTime(std::chrono::duration_cast<HostClock::duration>(
-      std::chrono::steady_clock::now().time_since_epoch()));
-}
-
 /// A simulated picture must be what the rig file says of its camera.
 void check_simulated(const Config& config, CameraId id, const SimulatedScene& scene) {
   const CameraDescription& camera = config.rig.cameras[id];
@@ -32,6 +27,11 @@ void check_simulated(const Config& config, CameraId id, const SimulatedScene& sc
 }
 
 }  // namespace
+
+HostTime host_now() {
+  return HostTime(std::chrono::duration_cast<HostClock::duration>(
+      std::chrono::steady_clock::now().time_since_epoch()));
+}
 
 std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
   const auto scene = std::make_shared<const SimulatedScene>(config.simulation);

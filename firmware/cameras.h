@@ -9,6 +9,9 @@
 
 namespace throwcal {
 
+/// Now, on the clock of the cameras' frames.
+HostTime host_now();
+
 /// The rig file's cameras, opened by their `source` keys. Throws InputError (camera and what was
 /// expected) or what the driver says.
 std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "firmware/cameras.h"
+
 namespace throwcal {
 namespace {
 
@@ -44,6 +46,7 @@ EstimatorThread::EstimatorThread(const RigDescription& description, Rig& rig, Ne
     : description_(description),
       rig_(rig),
       news_(news),
+      numbering_(description.cameras.size()),
       thread_([this](std::stop_token stop) { run(stop); }) {}
 
 EstimatorThread::~EstimatorThread() { stop(); }
@@ -82,7 +85,8 @@ void EstimatorThread::run(std::stop_token stop) {
     for (auto& [order, flights] : orders) obey(order, std::move(flights), stop);
     if (cameras_ended_) {
       wait_for_order(stop);
-    } else if (const auto frame = rig_.next(interrupt)) {
+    } else if (auto frame = rig_.next(interrupt)) {
+      numbering_.number(*frame);
       take(*frame, stop);
     } else if (!interrupt.stop_requested()) {
       cameras_ended_ = true;
@@ -104,7 +108,7 @@ void EstimatorThread::obey(Order order, std::vector<Track> flights, std::stop_to
       pause_ = {};
       return;
     case Order::finish:
-      if (search_) news_.post({.flights = search_->finish()});
+      if (search_) finish_search(stop);
       break;
     case Order::solve:
       search_.emplace(description_);
@@ -113,6 +117,21 @@ void EstimatorThread::obey(Order order, std::vector<Track> flights, std::stop_to
   }
   calibrate_now(stop, true);
   search_.reset();
+}
+
+/// What was seen before the order counts, though it may still wait to be looked at.
+void EstimatorThread::finish_search(std::stop_token stop) {
+  const HostTime ordered = host_now();
+  std::stop_source no_waiting;
+  no_waiting.request_stop();
+  while (!stop.stop_requested()) {
+    auto frame = rig_.next(no_waiting.get_token());
+    if (!frame || frame->time > ordered) break;
+    numbering_.number(*frame);
+    if (auto flights = search_->add(*frame); !flights.empty())
+      news_.post({.flights = std::move(flights)});
+  }
+  news_.post({.flights = search_->finish()});
 }
 
 void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {

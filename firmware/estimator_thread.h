@@ -37,6 +37,7 @@ class EstimatorThread {
   void run(std::stop_token stop);
   void wait_for_order(std::stop_token stop);
   void obey(Order order, std::vector<Track> flights, std::stop_token stop);
+  void finish_search(std::stop_token stop);
   void take(const FrameSightings& frame, std::stop_token stop);
   void calibrate_now(std::stop_token stop, bool last);
 
@@ -50,6 +51,7 @@ class EstimatorThread {
   std::stop_source interrupt_;  // makes a waiting rig_.next() return; renewed each time
 
   // The thread's own:
+  SightingNumbering numbering_;
   std::optional<ThrowSearch> search_;
   std::optional<HostTime> calibrate_at_;  // when frames of that time arrive
   HostClock::duration pause_{};           // between two calibrations

@@ -7,6 +7,11 @@
 
 namespace throwcal {
 
+void SightingNumbering::number(FrameSightings& frame) {
+  for (BallSighting& sighting : frame.sightings)
+    sighting.id = (std::uint64_t{frame.camera} << 40) + ++counts_.at(frame.camera);
+}
+
 ThrowSearch::ThrowSearch(const RigDescription& rig) : rig_(rig) {
   for (CameraId id = 0; id < rig.cameras.size(); ++id) finders_.emplace_back(rig, id);
 }

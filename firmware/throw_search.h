@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -8,6 +9,17 @@
 #include "estimator/throw_assembler.h"
 
 namespace throwcal {
+
+/// Gives each sighting its id: a running count of its camera's, so that it does not matter whose
+/// thread was faster.
+class SightingNumbering {
+ public:
+  explicit SightingNumbering(std::size_t cameras) : counts_(cameras) {}
+  void number(FrameSightings& frame);
+
+ private:
+  std::vector<std::uint64_t> counts_;
+};
 
 /// From frames to throws: a flight finder a camera, and what puts their flights together.
 class ThrowSearch {
