@@ -20,7 +20,7 @@ double first_turning_point(const double* c, int n, double limit) {
     for (int i = 0; i < n; ++i) sum += (2 * i + 3) * c[i] * (power *= r * r);
     return sum;
   };
-  constexpr int steps = 2000;
+  constexpr int steps = 256;  // fine enough for polynomials of such low order, and asked for often
   for (int i = 1; i <= steps; ++i) {
     if (slope(limit * i / steps) > 0) continue;
     double low = limit * (i - 1) / steps, high = limit * i / steps;

@@ -22,10 +22,6 @@ struct BallSighting {
   Eigen::Vector2d center_px =
       Eigen::Vector2d::Zero();  ///< distorted projection of the ball's centre (u, v)
   Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Identity();
-  /// 1-sigma, each axis, of the part of the centre's error that all sightings of this camera share
-  /// (a lit side, a lens off by a fraction of a pixel). It does not average out, so it is
-  /// considered in the result's covariance, beside cov_px2.
-  double sigma_common_px = 0.0;
   std::optional<double> radius_px;  ///< apparent radius, where the detector measured one
   std::uint64_t id = 0;  ///< unique in a recording: row of the sightings file, or a running count
 };

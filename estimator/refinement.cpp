@@ -177,13 +177,12 @@ Eigen::MatrixXd common_error_covariance(const Problem& p, const Refinement& at,
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(at.covariance.rows(), at.covariance.cols());
   for (CameraId k = 0; k < p.rig.cameras.size(); ++k)
     for (int axis = 0; axis < 2; ++axis) {
+      const double sigma_px = p.rig.cameras[k].sigma_common_px;
+      if (!(sigma_px > 0) || !at.solution.rig.is_placed[k]) continue;
       std::vector<TimedThrow> shifted = p.throws;
-      bool any = false;
       for (TimedThrow& thrown : shifted)
         for (TimedSighting& s : thrown.sightings)
-          if (s.camera == k && s.sigma_common_px > 0)
-            s.pixel[axis] += s.sigma_common_px, any = true;
-      if (!any) continue;
+          if (s.camera == k) s.pixel[axis] += sigma_px;
       const Eigen::VectorXd gradient =
           normal_equations(p.rig, shifted, at.solution, at.weighting, 0.0).gradient;
       const Eigen::VectorXd moved = at.covariance * (gradient - normal.gradient);

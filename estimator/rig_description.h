@@ -13,6 +13,10 @@ struct CameraDescription {
   CameraModel model;
   std::optional<double>
       sigma_px;  ///< 1-sigma of one centroid coordinate; absent: estimated from the residuals
+  /// 1-sigma, each axis, of the part of the centre's error that all sightings of this camera share
+  /// (a lit side, a lens off by a fraction of a pixel). It does not average out, so it is
+  /// considered in the result's covariance, beside the noise.
+  double sigma_common_px = 0.0;
 };
 
 struct BallDescription {

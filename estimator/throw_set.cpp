@@ -31,7 +31,7 @@ std::vector<TimedThrow> time_throws(const RigDescription& rig, const std::vector
         timed.sightings.push_back(
             {track.camera,
              seconds(s.time - timed.epoch) + camera.model.row_time_s * s.center_px.y(), s.center_px,
-             whitening_of(camera, s), s.sigma_common_px, s.id});
+             whitening_of(camera, s), s.id});
     }
     std::stable_sort(timed.sightings.begin(), timed.sightings.end(),
                      [](const auto& a, const auto& b) { return a.time_s < b.time_s; });

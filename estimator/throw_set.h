@@ -20,7 +20,6 @@ struct TimedSighting {
   double time_s = 0.0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Matrix2d whitening = Eigen::Matrix2d::Identity();  ///< W with W^T W = cov_px2^-1 [1/px]
-  double sigma_common_px = 0.0;                             ///< of BallSighting
   std::uint64_t id = 0;
 };
 

@@ -123,7 +123,8 @@ CalibrateSettings settings_of(const CalibrateOptions& options, const Config& con
 }
 
 int run(const CalibrateOptions& options) {
-  const Config config = read_config(options.rig);
+  Config config = read_config(options.rig);
+  if (!options.videos.empty()) assume_detector_errors(config.rig);
   for (const std::string& warning : config.warnings)
     std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   CalibrateSettings settings = settings_of(options, config);

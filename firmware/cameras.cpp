@@ -60,6 +60,11 @@ void silence_video_libraries() {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
 }
 
+void assume_detector_errors(RigDescription& rig) {
+  for (CameraDescription& camera : rig.cameras)
+    if (camera.sigma_common_px == 0.0) camera.sigma_common_px = sigma_common_centre_px;
+}
+
 RigSettings rig_settings(const Config& config) {
   RigSettings settings;
   settings.ball_diameter_m = config.rig.ball.diameter_m;

@@ -20,6 +20,10 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);
 /// its place. Call first in main(), before any thread.
 void silence_video_libraries();
 
+/// Where pictures are measured by our own detector: its shared error, in each camera for which the
+/// rig file states none.
+void assume_detector_errors(RigDescription& rig);
+
 /// What the detectors must know of the ball.
 RigSettings rig_settings(const Config& config);
 

@@ -157,6 +157,9 @@ void read_camera(const toml::table& table, const std::string& name,
   camera.rename("camera \"" + out.name + "\":");
   out.model = read_model(camera);
   out.sigma_px = camera.number("sigma_px", positive_up_to(100, "a positive number, 100 at most"));
+  out.sigma_common_px =
+      camera.number("sigma_common_px", positive_up_to(100, "a positive number, 100 at most"))
+          .value_or(0.0);
   config.sources.push_back(read_source(camera, folder));
   config.rig.cameras.push_back(std::move(out));
   std::ranges::copy(camera.unread(), std::back_inserter(config.warnings));

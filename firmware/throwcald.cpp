@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     Config config = read_config(config_file);
+    assume_detector_errors(config.rig);
     for (const std::string& warning : config.warnings) log_warning(warning);
     if (!listen.empty()) {
       const auto address = parse_address(listen, config.listen.port);
