@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdlib>
 
 #include "firmware/cameras.h"
 #include "firmware/export.h"
@@ -21,6 +22,8 @@ using namespace std::chrono_literals;
 
 constexpr auto tick_period = 100ms;        // notifications come at most this often
 constexpr auto heartbeat_period = 1000ms;  // counters alone are told this often
+/// How long the stop waits for the estimator.
+constexpr auto estimator_patience = 500ms;
 /// Frames after which a detector surely knows its background.
 constexpr std::uint64_t warm_frames = 30;
 
@@ -81,10 +84,11 @@ void Daemon::run() {
 /// too.
 void Daemon::shut_down() {
   sd_notify(0, "STOPPING=1\nSTATUS=stopping");
-  estimator_->stop();
+  const bool ended = estimator_->stop_within(estimator_patience);
   read_news();
   rig_.stop();
   log_info("stopped in state " + to_string(session_.state()));
+  if (!ended) std::_Exit(0);  // the estimator is at it still; its flights are on the disk
 }
 
 void Daemon::resume_unsolved() {

@@ -49,15 +49,16 @@ EstimatorThread::EstimatorThread(const RigDescription& description, Rig& rig, Ne
       numbering_(description.cameras.size()),
       thread_([this](std::stop_token stop) { run(stop); }) {}
 
-EstimatorThread::~EstimatorThread() { stop(); }
+EstimatorThread::~EstimatorThread() = default;
 
 void EstimatorThread::begin_session() { give(Order::begin); }
 void EstimatorThread::finish_session() { give(Order::finish); }
 void EstimatorThread::solve(std::vector<Track> flights) { give(Order::solve, std::move(flights)); }
 
-void EstimatorThread::stop() {
+bool EstimatorThread::stop_within(std::chrono::milliseconds time) {
   thread_.request_stop();
-  if (thread_.joinable()) thread_.join();
+  std::unique_lock lock(mutex_);
+  return ordered_.wait_for(lock, time, [this] { return has_ended_; });
 }
 
 void EstimatorThread::give(Order order, std::vector<Track> flights) {
@@ -93,6 +94,9 @@ void EstimatorThread::run(std::stop_token stop) {
       news_.post({.cameras_ended = true});
     }
   }
+  const std::scoped_lock lock(mutex_);
+  has_ended_ = true;
+  ordered_.notify_all();
 }
 
 void EstimatorThread::wait_for_order(std::stop_token stop) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -20,15 +21,16 @@ class EstimatorThread {
  public:
   /// Borrows rig and news for its life.
   EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news);
-  ~EstimatorThread();  ///< stops
+  ~EstimatorThread();  ///< stops and joins
 
   void begin_session();
   /// Ends open flights, calibrates a last time, posts `solved`.
   void finish_session();
   /// A session of before: calibrates its flights, posts `solved`.
   void solve(std::vector<Track> flights);
-  /// Gives up what it is doing, a calibration included, and joins.
-  void stop();
+  /// Gives up what it is doing, a calibration included. False: it is at work that can't be given up
+  /// (putting flights of a long session together) and not done in time.
+  bool stop_within(std::chrono::milliseconds time);
 
  private:
   enum class Order { begin, finish, solve };
@@ -45,9 +47,10 @@ class EstimatorThread {
   Rig& rig_;
   NewsBox& news_;
 
-  std::mutex mutex_;  // guards orders_ and interrupt_
+  std::mutex mutex_;  // guards orders_, has_ended_ and interrupt_
   std::condition_variable_any ordered_;
   std::vector<std::pair<Order, std::vector<Track>>> orders_;
+  bool has_ended_ = false;
   std::stop_source interrupt_;  // makes a waiting rig_.next() return; renewed each time
 
   // The thread's own:
