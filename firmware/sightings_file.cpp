@@ -16,7 +16,8 @@
 namespace throwcal {
 namespace {
 
-constexpr double unstated_sigma_px = 0.2;
+/// Wide, for linking to survive a poor detector; every consumer learns the true scale from the data.
+constexpr double unstated_sigma_px = 1.0;
 
 enum Column : std::size_t { camera, time_s, u_px, v_px, radius_px, label, columns };
 constexpr std::array<std::string_view, columns> column_names{"camera", "time_s",    "u_px",

@@ -19,7 +19,7 @@ struct SightingRow {
 
 /// Reads a sightings file (CSV, see the contract): columns in any order, `radius_px` and `throw`
 /// optional, CRLF or LF. Times keep their nanoseconds, seconds since 1970 included. A sighting's
-/// covariance is the rig's sigma_px, 0.2 px where the rig doesn't say. Throws InputError:
+/// covariance is the rig's sigma_px, 1 px where the rig doesn't say. Throws InputError:
 /// `sightings.csv:7: u_px must be a finite number, got "12,5"`.
 std::vector<SightingRow> read_sightings(const std::filesystem::path& file,
                                         const RigDescription& rig);
