@@ -16,7 +16,8 @@
 namespace throwcal {
 namespace {
 
-/// Wide, for linking to survive a poor detector; every consumer learns the true scale from the data.
+/// Wide, for linking to survive a poor detector; every consumer learns the true scale from the
+/// data.
 constexpr double unstated_sigma_px = 1.0;
 
 enum Column : std::size_t { camera, time_s, u_px, v_px, radius_px, label, columns };
