@@ -33,6 +33,8 @@ void write_camera(std::ostream& out, const CameraDescription& camera, const std:
   }
   if (m.row_time_s != 0.0) out << "\nrow_time_s = " << shortest(m.row_time_s);
   if (camera.sigma_px) out << "\nsigma_px = " << shortest(*camera.sigma_px);
+  if (camera.sigma_common_px != 0.0)
+    out << "\nsigma_common_px = " << shortest(camera.sigma_common_px);
   if (!source.empty()) out << "\nsource = " << quoted(source);
   out << "\n";
 }

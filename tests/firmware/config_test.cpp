@@ -32,6 +32,7 @@ skew_px = 0.5
 distortion = [0.1, 0.2, 0.3, 0.4]
 row_time_s = 1e-5
 sigma_px = 0.25
+sigma_common_px = 0.02
 source = "video:clip.mkv"
 )";
 
@@ -68,7 +69,9 @@ TEST(Config, ReadsEveryKeyOfACamera) {
   EXPECT_EQ(camera.model.distortion, (std::array<double, 5>{0.1, 0.2, 0.3, 0.4, 0.0}));
   EXPECT_EQ(camera.model.row_time_s, 1e-5);
   EXPECT_EQ(camera.sigma_px, 0.25);
+  EXPECT_EQ(camera.sigma_common_px, 0.02);
   EXPECT_FALSE(config.rig.cameras[0].sigma_px);
+  EXPECT_EQ(config.rig.cameras[0].sigma_common_px, 0.0);
   EXPECT_EQ(config.sources, (std::vector<std::string>{"", "video:site/clip.mkv"}));
   EXPECT_TRUE(config.warnings.empty());
 }
@@ -188,6 +191,7 @@ TEST(Config, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(back.listen.port, 1234);
   EXPECT_EQ(back.unit, "box \"7\"");
   EXPECT_EQ(back.simulation.seed, 9u);
+  EXPECT_EQ(back.rig.cameras[1].sigma_common_px, 0.02);
   EXPECT_EQ(back.rig.cameras[1].model.distortion, config.rig.cameras[1].model.distortion);
 }
 

@@ -99,11 +99,11 @@ def one_client_too_many_is_told_so(port) -> None:
     for client in clients:
         client.__exit__()
 
-    def a_place_is_free():
+    def all_places_are_free():
         with box.Client(port) as client:
-            return client.line().get("method") == "hello"
+            return client.line().get("method") == "hello" and client.call("system.info")["clients"] == 1
 
-    box.until(a_place_is_free, "a place is free again")
+    box.until(all_places_are_free, "all places are free again")
 
 
 def cameras_of(port) -> list[dict]:
