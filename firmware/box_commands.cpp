@@ -180,9 +180,9 @@ CLI::App* add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions
       "Exit status: 0 accepted; 3 the verdict is another; 1 no box, or it has no calibration.");
   command->callback([box, output, truth, &status] {
     std::optional<Calibration> true_rig;
-    if (!truth->empty()) true_rig = from_json(read_json(*truth), *truth);
+    if (!truth->empty()) true_rig = to_calibration(read_json(*truth), *truth);
     const Json document = box->connect().call("calibration.latest");
-    const Calibration calibration = from_json(document, "the box's calibration");
+    const Calibration calibration = to_calibration(document, "the box's calibration");
     if (!output->empty()) write_text_file(*output, document.dump(2) + "\n");
     print(document, calibration_table(calibration, true_rig), box->json);
     status = calibration.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;

@@ -32,7 +32,7 @@ Guess to_guess(const Json& document, const RigDescription& rig, const std::strin
 
 /// A calibration document as values, all but the residuals, which it doesn't hold. Throws
 /// InputError where it isn't one.
-Calibration from_json(const Json& document, const std::string& name);
+Calibration to_calibration(const Json& document, const std::string& name);
 
 /// Any JSON file. Throws InputError with path and line.
 Json read_json(const std::filesystem::path& file);

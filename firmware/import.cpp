@@ -135,7 +135,7 @@ Json read_json(const std::filesystem::path& file) {
   }
 }
 
-Calibration from_json(const Json& document, const std::string& name) {
+Calibration to_calibration(const Json& document, const std::string& name) {
   if (!document.is_object()) throw InputError(name + ": must be a calibration (a JSON object)");
   const Reader whole(document, name + ":");
   Calibration out;
@@ -157,7 +157,7 @@ Calibration from_json(const Json& document, const std::string& name) {
 }
 
 Guess to_guess(const Json& document, const RigDescription& rig, const std::string& name) {
-  const Calibration calibration = from_json(document, name);
+  const Calibration calibration = to_calibration(document, name);
   Guess guess;
   guess.drag_per_m = calibration.drag_per_m;
   for (const CameraDescription& camera : rig.cameras) {

@@ -16,7 +16,7 @@ void add_picture_command(CLI::App& app, int& status) {
   command->add_option("--output", *output, "Where the drawing goes; absent: standard output");
   command->footer("Example:\n  throwcal picture calibration.json --output rig.svg");
   command->callback([calibration, output, &status] {
-    const std::string svg = to_svg(from_json(read_json(*calibration), *calibration));
+    const std::string svg = to_svg(to_calibration(read_json(*calibration), *calibration));
     if (output->empty())
       std::fputs(svg.c_str(), stdout);
     else

@@ -86,7 +86,7 @@ TEST(Export, TheQuaternionsScalarIsNotNegativeAndTheCovarianceIsItsUpperTriangle
 
 TEST(Export, ADocumentReadBackIsTheSameCalibration) {
   const Calibration before = sample();
-  const Calibration after = from_json(to_json(before, ""), "c.json");
+  const Calibration after = to_calibration(to_json(before, ""), "c.json");
   EXPECT_EQ(after.verdict, before.verdict);
   EXPECT_EQ(after.reasons, before.reasons);
   ASSERT_EQ(after.cameras.size(), 2u);
