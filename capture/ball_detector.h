@@ -19,8 +19,9 @@ struct BallDetectorSettings {
 /// matt balls, where whole recordings are off by 0.002 to 0.01 px.
 constexpr double sigma_common_centre_px = 0.01;
 
-/// Finds ball-like moving blobs in one camera's frames: background difference, threshold, components,
-/// then the fit of a shaded, moving sphere gives the sub-pixel centre of its projection.
+/// Finds ball-like moving blobs in one camera's frames: background difference, threshold,
+/// components, then the fit of a shaded, moving sphere gives the sub-pixel centre of its
+/// projection.
 class BallDetector {
  public:
   BallDetector(CameraModel model, double ball_diameter_m, BallDetectorSettings settings = {});
