@@ -70,6 +70,7 @@ Propagation propagate(const BallState& state, double step_s, const Eigen::Vector
                       double drag_per_m) {
   Propagation out{state, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(),
                   Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  if (step_s == 0.0) return out;
   Variation v{state.velocity_mps, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()};
   const int steps = step_count(step_s);
   for (int i = 0; i < steps; ++i)

@@ -2,6 +2,7 @@
 #include "estimator/bootstrap.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -42,6 +43,11 @@ std::optional<Rigid> level_pose(const Eigen::Vector3d& gravity_cam) {
   R_world_cam << ahead.normalized().transpose(), up.cross(ahead.normalized()).transpose(),
       up.transpose();
   return Rigid{R_world_cam, Eigen::Vector3d::Zero()};
+}
+
+std::size_t count_shared(const FlightTable& flights, std::size_t a, std::size_t b) {
+  return static_cast<std::size_t>(std::count_if(
+      flights.begin(), flights.end(), [&](const auto& thrown) { return thrown[a] && thrown[b]; }));
 }
 
 std::vector<std::pair<CameraFlight, CameraFlight>> shared_flights(const FlightTable& flights,
@@ -92,7 +98,7 @@ bool place_next(const RigDescription& rig, const FlightTable& flights, RigState&
   for (std::size_t a = 0; a < state.cameras(); ++a)
     for (std::size_t b = 0; b < state.cameras(); ++b)
       if (state.is_placed[a] && !state.is_placed[b] && !failed[a][b])
-        if (const std::size_t shared = shared_flights(flights, a, b).size(); shared > best.shared)
+        if (const std::size_t shared = count_shared(flights, a, b); shared > best.shared)
           best = {a, b, shared};
   if (best.shared == 0) return false;
   const auto pairs = shared_flights(flights, best.from, best.to);
@@ -134,8 +140,7 @@ std::optional<Start> bootstrap(const RigDescription& rig, const std::vector<Time
   const auto first = gravity ? level_pose(*gravity) : std::nullopt;
   if (!first) return std::nullopt;
 
-  RigState state{std::vector<Rigid>(cameras), std::vector<double>(cameras, 0.0),
-                 rig.ball.drag_per_m, std::vector<bool>(cameras, false)};
+  RigState state = unplaced(rig);
   state.T_world_cam[0] = *first, state.is_placed[0] = true;
   std::vector<std::vector<char>> failed(cameras, std::vector<char>(cameras, 0));
   while (place_next(rig, flights, state, failed)) {
@@ -149,12 +154,12 @@ Start start_from_guess(const RigDescription& rig, const std::vector<TimedThrow>&
   const Eigen::Vector3d ahead = guess.T_world_cam[0].rotation.col(2);
   Rigid T_world_guess{exp_so3({0, 0, -std::atan2(ahead.y(), ahead.x())}), Eigen::Vector3d::Zero()};
   T_world_guess.translation = -(T_world_guess.rotation * guess.T_world_cam[0].translation);
-  RigState state{{},
-                 guess.time_offset_s,
-                 rig.ball.estimate_drag ? guess.drag_per_m : rig.ball.drag_per_m,
-                 std::vector<bool>(cameras, true)};
-  for (const Rigid& pose : guess.T_world_cam) state.T_world_cam.push_back(T_world_guess * pose);
-  if (!rig.estimate_offsets) state.time_offset_s.assign(cameras, 0.0);
+  RigState state = unplaced(rig);
+  for (std::size_t k = 0; k < cameras; ++k)
+    state.T_world_cam[k] = T_world_guess * guess.T_world_cam[k];
+  state.is_placed.assign(cameras, true);
+  if (rig.estimate_offsets) state.time_offset_s = guess.time_offset_s;
+  if (rig.ball.estimate_drag) state.drag_per_m = guess.drag_per_m;
   return with_balls(std::move(state), throws, flights);
 }
 

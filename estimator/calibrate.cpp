@@ -12,8 +12,7 @@
 namespace throwcal {
 namespace {
 
-constexpr int full_sweeps =
-    3;  // of RB-EKF between the closed form and the refinement: the start is good already
+constexpr int rescue_sweeps = 10;  // of RB-EKF where a start is far off
 
 /// The throws whose ball has a start, and the solution that begins there.
 struct Candidate {
@@ -44,6 +43,37 @@ std::vector<Candidate> candidates(const RigDescription& rig, const std::vector<T
   return out;
 }
 
+/// Whether a start explains half of the sightings to within the noise that the filter believes in:
+/// then the filter has nothing to say that the refinement does not say better.
+bool is_near(const RigDescription& rig, const Candidate& candidate) {
+  std::vector<double> sizes_px;
+  const auto residuals = claimed_residuals(rig, candidate.throws, candidate.solution);
+  for (std::size_t j = 0; j < residuals.size(); ++j)
+    for (std::size_t i = 0; i < residuals[j].size(); ++i) {
+      const TimedSighting& s = candidate.throws[j].sightings[i];
+      if (candidate.solution.rig.is_placed[s.camera])
+        sizes_px.push_back((s.whitening.inverse() * residuals[j][i]).norm());
+    }
+  const auto far = [](double size_px) { return !(size_px < EkfSettings{}.noise_px); };  // NaN too
+  return 2 * std::count_if(sizes_px.begin(), sizes_px.end(), far) <
+         static_cast<std::ptrdiff_t>(sizes_px.size());
+}
+
+/// The filters' part: all of it where one is asked for by name, a rescue in the full method.
+Solution filtered(const RigDescription& rig, const Candidate& candidate,
+                  const CalibrateSettings& settings) {
+  if (settings.method != Method::full)
+    return iterate_throws(rig, candidate.throws, candidate.solution, settings.method,
+                          {.ekf = {},
+                           .sweeps = settings.throw_iterations,
+                           .enough = 1e-5,
+                           .progress = settings.progress});
+  if (is_near(rig, candidate)) return candidate.solution;
+  return iterate_throws(
+      rig, candidate.throws, candidate.solution, Method::rb_ekf,
+      {.ekf = {}, .sweeps = rescue_sweeps, .enough = 1e-3, .progress = settings.progress});
+}
+
 /// Of two refinements: the one that explains more sightings, then the one that explains them
 /// better.
 bool is_better(const Refinement& a, const Refinement& b) {
@@ -65,14 +95,10 @@ Calibration calibrate(const RigDescription& rig, const std::vector<Throw>& throw
   std::optional<Refinement> best;
   Candidate best_candidate;
   for (Candidate& candidate : candidates(rig, seen, settings)) {
-    const Method filter = settings.method == Method::full ? Method::rb_ekf : settings.method;
-    const int sweeps = settings.method == Method::full ? full_sweeps : settings.throw_iterations;
-    const Solution filtered = iterate_throws(
-        rig, candidate.throws, candidate.solution, filter,
-        {.ekf = {}, .sweeps = sweeps, .enough = 1e-5, .progress = settings.progress});
     RefinementSettings refinement;
     if (settings.method != Method::full) refinement.max_iterations = 0;
-    Refinement refined = refine(rig, candidate.throws, filtered, refinement);
+    Refinement refined =
+        refine(rig, candidate.throws, filtered(rig, candidate, settings), refinement);
     if (!best || is_better(refined, *best)) best = std::move(refined), best_candidate = candidate;
   }
   if (!best) return report_nothing_to_go_by(rig, seen, settings.method);

@@ -22,6 +22,13 @@ enum class Method { ekf, r_ekf, rb_ekf, full };
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
+/// A number of a camera's model that the rig file asked to estimate.
+struct LensEstimate {
+  std::string name;    ///< as the rig file calls it: "fx_px", "k1", "row_time_s"
+  double value = 0.0;  ///< in its own unit
+  double sigma = 0.0;
+};
+
 struct CameraCalibration {
   std::string name;
   std::optional<Rigid> T_world_cam;  ///< absent where no throw tells where the camera is
@@ -31,6 +38,8 @@ struct CameraCalibration {
   std::optional<Matrix6d> covariance;
   double time_offset_s = 0.0;  ///< t_true = time_s + time_offset_s; camera 1's is 0
   std::optional<double> sigma_time_offset_s;
+  /// What was estimated of the model, in the rig file's order.
+  std::vector<LensEstimate> lens = {};
   double reprojection_rms_px = 0.0;  ///< of one coordinate, over the sightings used
   int sightings_used = 0, sightings_rejected = 0;
 };
@@ -52,6 +61,17 @@ struct SightingResidual {
   Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< measured minus predicted
 };
 
+/// The throw that would lower the worst camera's uncertainty most, among those the cameras can see.
+struct NextThrow {
+  Eigen::Vector3d position_world_m = Eigen::Vector3d::Zero();    ///< where the ball leaves the hand
+  Eigen::Vector3d velocity_world_mps = Eigen::Vector3d::Zero();  ///< and how
+  std::vector<CameraId> cameras;                                 ///< that would see it
+  CameraId camera = 0;                                      ///< the worst, measured by the target
+  double sigma_position_m = 0.0, sigma_rotation_rad = 0.0;  ///< its norms of three sigmas, now
+  double expected_sigma_position_m = 0.0, expected_sigma_rotation_rad = 0.0;  ///< and after it
+  std::string text;  ///< the same in words, for who throws
+};
+
 /// The result: an immutable value once published.
 struct Calibration {
   Method method = Method::full;
@@ -64,6 +84,7 @@ struct Calibration {
   std::vector<CameraCalibration> cameras;  ///< in the rig's order
   std::vector<ThrowEstimate> throws;
   std::vector<SightingResidual> residuals;
+  std::optional<NextThrow> next_throw = {};
 };
 
 }  // namespace throwcal

@@ -53,11 +53,20 @@ std::pair<double, double> bend_kb4(const std::array<double, 5>& k, double angle)
           1 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])))};
 }
 
+/// d distorted / d distortion's five numbers.
+using DistortionJacobian = Eigen::Matrix<double, 2, 5>;
+
 std::optional<Eigen::Vector2d> project_radtan(const CameraModel& model,
                                               const Eigen::Vector3d& point,
-                                              Eigen::Matrix<double, 2, 3>* J) {
+                                              Eigen::Matrix<double, 2, 3>* J,
+                                              DistortionJacobian* J_distortion) {
   if (point.z() < min_depth_m) return std::nullopt;
   const Eigen::Vector2d p = point.head<2>() / point.z();
+  if (J_distortion) {
+    const double r2 = p.squaredNorm(), xy2 = 2 * p.x() * p.y();
+    *J_distortion << r2 * p, r2 * r2 * p, Eigen::Vector2d(xy2, r2 + 2 * p.y() * p.y()),
+        Eigen::Vector2d(r2 + 2 * p.x() * p.x(), xy2), r2 * r2 * r2 * p;
+  }
   Eigen::Matrix2d D;
   const Eigen::Vector2d distorted = distort_radtan(model.distortion, p, J ? &D : nullptr);
   if (J) *J << D / point.z(), -(D * p) / point.z();
@@ -65,7 +74,9 @@ std::optional<Eigen::Vector2d> project_radtan(const CameraModel& model,
 }
 
 std::optional<Eigen::Vector2d> project_kb4(const CameraModel& model, const Eigen::Vector3d& point,
-                                           Eigen::Matrix<double, 2, 3>* J) {
+                                           Eigen::Matrix<double, 2, 3>* J,
+                                           DistortionJacobian* J_distortion) {
+  if (J_distortion) J_distortion->setZero();
   const double radius = point.head<2>().norm(), range2 = point.squaredNorm();
   if (range2 < min_depth_m * min_depth_m) return std::nullopt;
   if (radius < 1e-9 * std::abs(point.z())) {  // on the axis the model is the pinhole
@@ -75,7 +86,12 @@ std::optional<Eigen::Vector2d> project_kb4(const CameraModel& model, const Eigen
     return p;
   }
   const Eigen::Vector2d unit = point.head<2>() / radius;
-  const auto [bent, slope] = bend_kb4(model.distortion, std::atan2(radius, point.z()));
+  const double angle = std::atan2(radius, point.z());
+  const auto [bent, slope] = bend_kb4(model.distortion, angle);
+  if (J_distortion) {
+    double power = angle;
+    for (int i = 0; i < 4; ++i) J_distortion->col(i) = (power *= angle * angle) * unit;
+  }
   if (J) {
     Eigen::RowVector3d angle_by_point;
     angle_by_point << unit.transpose() * (point.z() / range2), -radius / range2;
@@ -121,14 +137,22 @@ std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Ve
 
 }  // namespace
 
-std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point_cam,
-                                                    Eigen::Matrix<double, 2, 3>* J_point) const {
-  const auto distorted = lens == Lens::radtan ? project_radtan(*this, point_cam, J_point)
-                                              : project_kb4(*this, point_cam, J_point);
+std::optional<Eigen::Vector2d> CameraModel::project(
+    const Eigen::Vector3d& point_cam, Eigen::Matrix<double, 2, 3>* J_point,
+    Eigen::Matrix<double, 2, lens_intrinsics>* J_intrinsics) const {
+  DistortionJacobian J_distortion;
+  const auto distort = lens == Lens::radtan ? project_radtan : project_kb4;
+  const auto distorted = distort(*this, point_cam, J_point, J_intrinsics ? &J_distortion : nullptr);
   if (!distorted) return std::nullopt;
   Eigen::Matrix2d affine;
   affine << fx_px, skew_px, 0.0, fy_px;
   if (J_point) *J_point = affine * *J_point;
+  if (J_intrinsics) {
+    const auto [x, y] = std::pair(distorted->x(), distorted->y());
+    J_intrinsics->leftCols<5>() << x, 0, 1, 0, y,  //
+        0, y, 0, 1, 0;
+    J_intrinsics->rightCols<5>() = affine * J_distortion;
+  }
   return affine * *distorted + Eigen::Vector2d(cx_px, cy_px);
 }
 
@@ -149,9 +173,36 @@ double CameraModel::max_angle_rad() const {
   return std::isfinite(limit) ? std::atan(limit) : 0.5 * std::numbers::pi - 1e-3;
 }
 
+double& CameraModel::at(Intrinsic which) {
+  switch (which) {
+    case Intrinsic::fx:
+      return fx_px;
+    case Intrinsic::fy:
+      return fy_px;
+    case Intrinsic::cx:
+      return cx_px;
+    case Intrinsic::cy:
+      return cy_px;
+    case Intrinsic::skew:
+      return skew_px;
+    case Intrinsic::row_time:
+      return row_time_s;
+    default:
+      return distortion[static_cast<std::size_t>(which) - static_cast<std::size_t>(Intrinsic::d0)];
+  }
+}
+
 bool CameraModel::contains(const Eigen::Vector2d& pixel, double margin_px) const {
   return pixel.x() >= margin_px && pixel.y() >= margin_px &&
          pixel.x() <= width_px - 1 - margin_px && pixel.y() <= height_px - 1 - margin_px;
+}
+
+std::string name_of(Intrinsic which, Lens lens) {
+  static constexpr std::array<const char*, intrinsics> radtan{
+      "fx_px", "fy_px", "cx_px", "cy_px", "skew_px", "k1", "k2", "p1", "p2", "k3", "row_time_s"};
+  static constexpr std::array<const char*, intrinsics> kb4{
+      "fx_px", "fy_px", "cx_px", "cy_px", "skew_px", "k1", "k2", "k3", "k4", "", "row_time_s"};
+  return (lens == Lens::radtan ? radtan : kb4)[static_cast<std::size_t>(which)];
 }
 
 }  // namespace throwcal

@@ -5,116 +5,173 @@
 #include <cmath>
 
 namespace throwcal {
+namespace {
 
-using slice::ball_size;
+constexpr int ball_size = RigLayout::ball_size;
+constexpr int position = RigLayout::ball_position, velocity = RigLayout::ball_velocity;
+
+/// How roughly a lens number that is to be estimated is known beforehand, 1-sigma in its own unit.
+double prior_sigma(Intrinsic which, const CameraModel& model) {
+  switch (which) {
+    case Intrinsic::fx:
+    case Intrinsic::fy:
+      return 0.02 * model.fx_px;
+    case Intrinsic::cx:
+    case Intrinsic::cy:
+      return 0.02 * model.width_px;
+    case Intrinsic::skew:
+      return 1.0;
+    case Intrinsic::row_time:
+      return 1e-5;
+    default:
+      return 0.05;
+  }
+}
+
+}  // namespace
 
 Ekf::Ekf(const RigDescription& rig, const RigState& start, const EkfSettings& settings)
-    : rig_(rig), settings_(settings), rig_state_(start) {
-  const int size = ball_size + slice::rig_size(start.cameras());
+    : rig_(rig), settings_(settings), rig_state_(start), layout_(rig, start) {
+  const int size = ball_size + layout_.size();
   covariance_.setZero(size, size);
-  gain_.setZero(size, 2), cross_.setZero(size, 2), rows_.setZero(6, size), step_.setZero(size);
+  cross_.setZero(size, 2), whitened_.setZero(size, 2), step_.setZero(size);
   reset_rig_covariance();
 }
 
 void Ekf::reset_rig_covariance() {
-  const std::size_t cameras = rig_state_.cameras();
-  Eigen::VectorXd sigma(slice::rig_size(cameras));
-  for (std::size_t k = 0; k < cameras; ++k) {
-    sigma.segment<3>(slice::camera(k) + slice::translation).setConstant(settings_.prior_position_m);
-    sigma.segment<3>(slice::camera(k) + slice::rotation).setConstant(settings_.prior_rotation_rad);
-    sigma[slice::camera(k) + slice::offset] = settings_.prior_offset_s;
-  }
-  sigma[slice::drag(cameras)] = settings_.prior_drag_per_m;
-  const Eigen::MatrixXd free = gauge_directions(rig_, rig_state_);
   covariance_.setZero();
-  // Each free direction is one coordinate, but for camera 1's two turns, which share a block of one
-  // sigma.
-  const Eigen::VectorXd own =
-      (free.array().square().matrix().transpose() * sigma.array().square().matrix())
-          .cwiseQuotient(free.colwise().squaredNorm().transpose());
-  covariance_.bottomRightCorner(sigma.size(), sigma.size()) =
-      free * own.asDiagonal() * free.transpose();
+  auto variance = covariance_.diagonal().tail(layout_.size());
+  for (std::size_t k = 0; k < rig_state_.cameras(); ++k) {
+    const RigLayout::Camera& camera = layout_.camera(k);
+    if (camera.size == 0) continue;
+    auto own = variance.segment(camera.start, camera.size);
+    own.head(camera.rotation).setConstant(std::pow(settings_.prior_position_m, 2));
+    own.segment(camera.rotation, k == 0 ? 2 : 3)
+        .setConstant(std::pow(settings_.prior_rotation_rad, 2));
+    if (camera.offset) own[*camera.offset] = std::pow(settings_.prior_offset_s, 2);
+    for (std::size_t i = 0; i < camera.intrinsics.size(); ++i)
+      own[camera.lens + static_cast<int>(i)] =
+          std::pow(prior_sigma(camera.intrinsics[i], rig_.cameras[k].model), 2);
+  }
+  if (layout_.drag()) variance[*layout_.drag()] = std::pow(settings_.prior_drag_per_m, 2);
 }
 
 void Ekf::start_throw(const BallState& ball) {
   ball_ = ball;
   time_s_ = 0.0;
+  // Steps keep it symmetric to the last bit, unless a compiler fuses their products unevenly.
+  covariance_.triangularView<Eigen::StrictlyUpper>() = covariance_.transpose();
   covariance_.topRows<ball_size>().setZero();
   covariance_.leftCols<ball_size>().setZero();
-  covariance_.diagonal()
-      .segment<3>(slice::ball_position)
-      .setConstant(std::pow(settings_.prior_ball_position_m, 2));
-  covariance_.diagonal()
-      .segment<3>(slice::ball_velocity)
-      .setConstant(std::pow(settings_.prior_ball_velocity_mps, 2));
+  covariance_.diagonal().segment<3>(position).setConstant(
+      std::pow(settings_.prior_ball_position_m, 2));
+  covariance_.diagonal().segment<3>(velocity).setConstant(
+      std::pow(settings_.prior_ball_velocity_mps, 2));
+}
+
+void Ekf::propagate_covariance(const Propagation& step) {
+  // position' = position + J_pv velocity + J_pd drag, velocity' = J_vv velocity + J_vd drag: of
+  // the columns (P F^T), then the same of the rows.
+  const int drag = layout_.drag() ? ball_size + *layout_.drag() : -1;
+  auto columns = covariance_.leftCols<ball_size>();
+  auto rows = covariance_.topRows<ball_size>();
+  columns.leftCols<3>() +=
+      columns.rightCols<3>().lazyProduct(step.J_position_velocity0.transpose());
+  for (Eigen::Index i = 0; i < columns.rows(); ++i)
+    columns.row(i).tail<3>() =
+        (columns.row(i).tail<3>() * step.J_velocity_velocity0.transpose()).eval();
+  if (drag >= 0)
+    for (int i = 0; i < 3; ++i) {
+      columns.col(position + i) += step.J_position_drag[i] * covariance_.col(drag);
+      columns.col(velocity + i) += step.J_velocity_drag[i] * covariance_.col(drag);
+    }
+  rows.topRows<3>() += step.J_position_velocity0.lazyProduct(rows.bottomRows<3>());
+  for (Eigen::Index i = 0; i < rows.cols(); ++i)
+    rows.col(i).tail<3>() = (step.J_velocity_velocity0 * rows.col(i).tail<3>()).eval();
+  if (drag >= 0) {
+    rows.topRows<3>() += step.J_position_drag * covariance_.row(drag);
+    rows.bottomRows<3>() += step.J_velocity_drag * covariance_.row(drag);
+  }
 }
 
 void Ekf::predict(double time_s) {
   const double step_s = time_s - time_s_;
   if (step_s == 0.0) return;
-  const Propagation p = propagate(ball_, step_s, {0, 0, -rig_.gravity_mps2}, rig_state_.drag_per_m);
-  ball_ = p.state;
   time_s_ = time_s;
-  // P <- F P F^T where only the ball's rows of F differ from the identity:
-  // position' = position + J_pv velocity + J_pd drag, velocity' = J_vv velocity + J_vd drag.
-  const Eigen::Index drag = covariance_.rows() - 1;
-  rows_ = covariance_.topRows<6>();
-  rows_.topRows<3>().noalias() +=
-      p.J_position_velocity0 * covariance_.middleRows<3>(slice::ball_velocity);
-  rows_.topRows<3>().noalias() += p.J_position_drag * covariance_.row(drag);
-  rows_.bottomRows<3>().noalias() =
-      p.J_velocity_velocity0 * covariance_.middleRows<3>(slice::ball_velocity);
-  rows_.bottomRows<3>().noalias() += p.J_velocity_drag * covariance_.row(drag);
-  Eigen::Matrix<double, 6, 6> own = rows_.leftCols<6>();
-  own.leftCols<3>() +=
-      rows_.middleCols<3>(slice::ball_velocity) * p.J_position_velocity0.transpose() +
-      rows_.col(drag) * p.J_position_drag.transpose();
-  own.rightCols<3>() =
-      rows_.middleCols<3>(slice::ball_velocity) * p.J_velocity_velocity0.transpose() +
-      rows_.col(drag) * p.J_velocity_drag.transpose();
-  const Eigen::Index rest = covariance_.rows() - ball_size;
-  covariance_.topRightCorner(ball_size, rest) = rows_.rightCols(rest);
-  covariance_.bottomLeftCorner(rest, ball_size) = rows_.rightCols(rest).transpose();
-  covariance_.topLeftCorner<6, 6>() = 0.5 * (own + own.transpose());
+  const Eigen::Vector3d gravity(0, 0, -rig_.gravity_mps2);
+  if (!layout_.drag() && rig_state_.drag_per_m == 0.0) {
+    ball_ = fly(ball_, step_s, gravity, 0.0);
+    covariance_.middleCols<3>(position) += step_s * covariance_.middleCols<3>(velocity);
+    covariance_.middleRows<3>(position) += step_s * covariance_.middleRows<3>(velocity);
+  } else {
+    const Propagation step = propagate(ball_, step_s, gravity, rig_state_.drag_per_m);
+    ball_ = step.state;
+    propagate_covariance(step);
+  }
+  // In exact arithmetic the ball's own block stays symmetric; the rest does in rounding too.
+  auto own = covariance_.topLeftCorner<ball_size, ball_size>();
+  own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
 
   const double elapsed_s = std::abs(step_s);
-  covariance_.diagonal().segment<3>(slice::ball_velocity).array() +=
+  covariance_.diagonal().segment<3>(velocity).array() +=
       std::pow(settings_.process_acceleration_mps2, 2) * elapsed_s;
-  for (Eigen::Index i = ball_size; i < covariance_.rows(); ++i)
-    if (covariance_(i, i) > 0) covariance_(i, i) += settings_.pseudo_noise_variance * elapsed_s;
+  if (settings_.pseudo_noise_variance > 0)
+    covariance_.diagonal().tail(layout_.size()).array() +=
+        settings_.pseudo_noise_variance * elapsed_s;
+}
+
+template <int camera_size>
+void Ekf::cross_covariance(int at) {
+  cross_.noalias() = covariance_.middleCols<3>(position).lazyProduct(model_.J_position.transpose());
+  const Eigen::Matrix<double, camera_size, 2, 0,
+                      camera_size == -1 ? RigLayout::max_camera_size : camera_size, 2>
+      H = J_camera_.transpose();
+  cross_.noalias() += covariance_.middleCols<camera_size>(at, J_camera_.cols()).lazyProduct(H);
 }
 
 void Ekf::update(const TimedSighting& sighting) {
   const std::size_t k = sighting.camera;
-  predict(sighting.time_s + rig_state_.time_offset_s[k]);
-  const auto model =
-      model_sighting(rig_.cameras[k].model, rig_state_.T_world_cam[k], ball_, sighting);
-  if (!model) return;
-  const int at = ball_size + slice::camera(k);
-  // H has two blocks only: the ball's position and the camera's seven.
-  cross_.noalias() = covariance_.leftCols<3>() * model->J_position.transpose();
-  cross_.noalias() += covariance_.middleCols<slice::camera_size>(at) * model->J_camera.transpose();
-  Eigen::Matrix2d innovation = model->J_position * cross_.topRows<3>() +
-                               model->J_camera * cross_.middleRows<slice::camera_size>(at);
-  const double noise = settings_.noise_px * settings_.noise_px;
-  innovation += noise * Eigen::Matrix2d::Identity();
-  const double distance =
-      std::sqrt(model->residual_px.dot(innovation.inverse() * model->residual_px));
+  const RigLayout::Camera& camera = layout_.camera(k);
+  predict(moment_s(rig_state_, sighting));
+  if (!model_sighting(rig_state_, ball_, sighting, !camera.intrinsics.empty(), model_)) return;
+  layout_.fill_jacobian(k, model_, camera_one_turns(rig_state_.T_world_cam[0]), J_camera_);
+  const int at = ball_size + camera.start;
+  switch (camera.size) {
+    case 2:
+      cross_covariance<2>(at);
+      break;
+    case 6:
+      cross_covariance<6>(at);
+      break;
+    case 7:
+      cross_covariance<7>(at);
+      break;
+    default:
+      cross_covariance<Eigen::Dynamic>(at);
+  }
+  Eigen::Matrix2d innovation = model_.J_position.lazyProduct(cross_.middleRows<3>(position)) +
+                               J_camera_.lazyProduct(cross_.middleRows(at, camera.size));
+  innovation.diagonal().array() += settings_.noise_px * settings_.noise_px;
+  const Eigen::Matrix2d inverse = innovation.inverse();
+  const double distance = std::sqrt(model_.residual_px.dot(inverse * model_.residual_px));
   if (!std::isfinite(distance)) return;
   if (distance > settings_.huber_sigmas) innovation *= distance / settings_.huber_sigmas;
-  gain_.noalias() = cross_ * innovation.inverse();
-  step_.noalias() = gain_ * model->residual_px;
-  // P <- P - (P H^T) S^-1 (P H^T)^T, one triangle, then mirrored: exactly symmetric, or rounding
-  // grows with every pass.
-  const Eigen::Matrix2d root = innovation.llt().matrixL();
-  cross_.col(0) /= root(0, 0);
-  cross_.col(1) = (cross_.col(1) - root(1, 0) * cross_.col(0)) / root(1, 1);
-  covariance_.selfadjointView<Eigen::Lower>().rankUpdate(cross_, -1.0);
-  covariance_.triangularView<Eigen::StrictlyUpper>() = covariance_.transpose();
+  // With S = L L^T and W = P H^T L^-T: the step is W (L^-1 residual), P <- P - W W^T. Element by
+  // element it is the same sum on both sides of the diagonal, so P stays exactly symmetric.
+  const double l00 = std::sqrt(innovation(0, 0)), l10 = innovation(1, 0) / l00;
+  const double l11 = std::sqrt(innovation(1, 1) - l10 * l10);
+  if (!(l11 > 0)) return;
+  whitened_.col(0) = cross_.col(0) / l00;
+  whitened_.col(1) = (cross_.col(1) - l10 * whitened_.col(0)) / l11;
+  const double r0 = model_.residual_px[0] / l00;
+  const double r1 = (model_.residual_px[1] - l10 * r0) / l11;
+  step_ = r0 * whitened_.col(0) + r1 * whitened_.col(1);
+  for (Eigen::Index c = 0; c < covariance_.cols(); ++c)
+    covariance_.col(c) -= whitened_(c, 0) * whitened_.col(0) + whitened_(c, 1) * whitened_.col(1);
 
-  ball_.position_m += step_.segment<3>(slice::ball_position);
-  ball_.velocity_mps += step_.segment<3>(slice::ball_velocity);
-  rig_state_.apply(step_.tail(step_.size() - ball_size));
+  ball_.position_m += step_.segment<3>(position);
+  ball_.velocity_mps += step_.segment<3>(velocity);
+  layout_.apply(step_.tail(layout_.size()), rig_state_);
 }
 
 }  // namespace throwcal

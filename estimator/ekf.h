@@ -22,12 +22,12 @@ struct EkfSettings {
 
 /// The extended Kalman filter of the thesis' Table 3.1 on the super-state [ball | rig] (eq. 4.10),
 /// with the cameras' orientation as an error state on SO(3) in place of z-x-z angles, which are
-/// singular for parallel cameras.
+/// singular for parallel cameras. A step allocates nothing.
 class Ekf {
  public:
   Ekf(const RigDescription& rig, const RigState& start, const EkfSettings& settings);
 
-  void reset_rig_covariance();              ///< to the wide prior, in the free directions only
+  void reset_rig_covariance();              ///< to the wide prior
   void start_throw(const BallState& ball);  ///< ball at time 0 of the throw, forgotten but for this
 
   void predict(double time_s);  ///< flies the ball to a time, of either sense
@@ -40,14 +40,23 @@ class Ekf {
   const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< of [ball | rig]
 
  private:
+  /// P <- F P F^T with the ball's rows of F other than the identity's.
+  void propagate_covariance(const Propagation& step);
+  /// P H^T; H has two blocks only, the ball's position and the camera's slice.
+  template <int camera_size>
+  void cross_covariance(int at);
+
   const RigDescription& rig_;
   EkfSettings settings_;
   RigState rig_state_;
+  RigLayout layout_;
   BallState ball_;
   double time_s_ = 0.0;
-  Eigen::MatrixXd covariance_;                             // (6 + rig_size)^2
-  Eigen::Matrix<double, Eigen::Dynamic, 2> gain_, cross_;  // workspace: no allocation in a step
-  Eigen::Matrix<double, 6, Eigen::Dynamic> rows_;          // workspace of predict()
+  Eigen::MatrixXd covariance_;  // (6 + layout's size)^2, exactly symmetric
+  // Workspace, so that a step allocates nothing.
+  SightingModel model_;
+  RigLayout::CameraJacobian J_camera_;
+  Eigen::Matrix<double, Eigen::Dynamic, 2> cross_, whitened_;
   Eigen::VectorXd step_;
 };
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <Eigen/Core>
-#include <functional>
 #include <vector>
 
 #include "estimator/rig_description.h"
@@ -22,34 +21,46 @@ struct Weighting {
       0.0;  ///< residuals beyond it count linearly (Huber); 0: plain least squares
 };
 
-/// Gauss-Newton's normal equations with the balls eliminated throw by throw (Schur complement): the
-/// throws couple only through the rig, so the cost grows linearly with them.
+/// Residuals in units of the claimed noise; NaN where the ball cannot be seen.
+PerSighting<Eigen::Vector2d> claimed_residuals(const RigDescription& rig,
+                                               const std::vector<TimedThrow>& throws,
+                                               const Solution& at);
+
+/// Sum of squared whitened residuals of what is used (Huber's where it is on).
+double cost(const std::vector<TimedThrow>& throws, const PerSighting<Eigen::Vector2d>& residuals,
+            const Weighting& weighting);
+
+/// Gauss-Newton's normal equations, of minus half the cost: the rig's part, and each ball's, which
+/// couples to the rig only. So memory and time grow linearly with the throws.
 struct NormalEquations {
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
   struct Ball {
-    Eigen::Matrix<double, 6, 6> inverse_information;
-    Eigen::Matrix<double, Eigen::Dynamic, 6> coupling;  ///< (rig_size x 6)
-    Eigen::Matrix<double, 6, 1> gradient;
+    Matrix6 information = Matrix6::Zero();
+    Eigen::Matrix<double, Eigen::Dynamic, 6> coupling;  ///< (layout's size x 6)
+    Vector6 gradient = Vector6::Zero();
   };
-  Eigen::MatrixXd information;  ///< of the rig's vector, balls eliminated (rig_size x rig_size)
-  Eigen::VectorXd gradient;     ///< the same, of minus half the cost
+  Eigen::MatrixXd information;  ///< of the rig's vector (layout's size, squared), balls held
+  Eigen::VectorXd gradient;
   std::vector<Ball> balls;
-  double cost = 0.0;  ///< sum of squared whitened residuals (Huber's where it is on)
-  int sightings = 0;  ///< that counted
 };
 
-/// Residuals, whitened by the claimed noise and the camera's scale; NaN where the ball cannot be
-/// seen.
-PerSighting<Eigen::Vector2d> whitened_residuals(const RigDescription& rig,
-                                                const std::vector<TimedThrow>& throws,
-                                                const Solution& at,
-                                                const std::vector<double>& noise_scale);
+NormalEquations normal_equations(const RigDescription& rig, const std::vector<TimedThrow>& throws,
+                                 const Solution& at, const RigLayout& layout,
+                                 const Weighting& weighting);
+
+/// The same with the balls eliminated one by one (Schur complement).
+struct ReducedEquations {
+  Eigen::MatrixXd information;  ///< of the rig's vector, balls free to follow
+  Eigen::VectorXd gradient;
+  std::vector<NormalEquations::Matrix6> ball_root;  ///< R R^T: inverse of a ball's information
+
+  /// How a ball follows a step of the rig's vector: (position, velocity) [m], [m/s].
+  NormalEquations::Vector6 ball_step(const NormalEquations& normal, std::size_t ball,
+                                     const Eigen::VectorXd& rig_step) const;
+};
 
 /// `damping` is Levenberg's, relative to the diagonal.
-NormalEquations normal_equations(const RigDescription& rig, const std::vector<TimedThrow>& throws,
-                                 const Solution& at, const Weighting& weighting, double damping);
-
-/// The cost alone.
-double cost(const RigDescription& rig, const std::vector<TimedThrow>& throws, const Solution& at,
-            const Weighting& weighting);
+ReducedEquations eliminate_balls(const NormalEquations& normal, double damping);
 
 }  // namespace throwcal

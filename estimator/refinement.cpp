@@ -9,10 +9,11 @@ namespace throwcal {
 namespace {
 
 constexpr double undetermined_eigenvalue =
-    1e-12;                                // of the scaled information: below it is rounding
-constexpr double cost_tolerance = 1e-10;  // relative; far below one sigma squared
-constexpr double max_damping = 1e8;
-constexpr int gate_rounds = 8;
+    1e-12;  // of the scaled information: below it is rounding
+// Squared distance to the optimum, in sigmas, that a descent may leave: while outliers are looked
+// for a tenth of a sigma will do, at the end it is a ten-thousandth.
+constexpr double near_enough = 1e-2, at_optimum = 1e-8;
+constexpr double least_damping = 1e-9, first_damping = 1e-4, max_damping = 1e8;
 
 struct Problem {
   const RigDescription& rig;
@@ -20,43 +21,58 @@ struct Problem {
   const RefinementSettings& settings;
 };
 
-Solution stepped(const Solution& at, const NormalEquations& normal, const Eigen::VectorXd& step) {
-  Solution out = at;
-  out.rig.apply(step);
-  for (std::size_t j = 0; j < out.balls.size(); ++j) {
-    const NormalEquations::Ball& ball = normal.balls[j];
-    const Eigen::Matrix<double, 6, 1> move =
-        ball.inverse_information * (ball.gradient - ball.coupling.transpose() * step);
-    out.balls[j].position_m += move.head<3>();
-    out.balls[j].velocity_mps += move.tail<3>();
+/// A step of everything, and what the linear model says that it is worth.
+struct Step {
+  Solution to;
+  double decrement = 0.0;  ///< squared length in sigmas
+};
+
+Step damped_step(const Refinement& from, const NormalEquations& normal, double damping) {
+  const ReducedEquations reduced = eliminate_balls(normal, damping);
+  const Eigen::VectorXd scale =
+      reduced.information.diagonal().cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd rig_step =
+      scale.asDiagonal() * (scale.asDiagonal() * reduced.information * scale.asDiagonal())
+                               .eval()
+                               .ldlt()
+                               .solve(scale.asDiagonal() * reduced.gradient);
+  Step out{from.solution, rig_step.dot(normal.gradient)};
+  from.layout.apply(rig_step, out.to.rig);
+  for (std::size_t j = 0; j < out.to.balls.size(); ++j) {
+    const NormalEquations::Vector6 move = reduced.ball_step(normal, j, rig_step);
+    out.to.balls[j].position_m += move.head<3>();
+    out.to.balls[j].velocity_mps += move.tail<3>();
+    out.decrement += move.dot(normal.balls[j].gradient);
   }
   return out;
 }
 
-/// Levenberg-Marquardt in the free directions of the rig; the balls follow by back-substitution.
-Solution minimise(const Problem& p, Solution at, const Weighting& weighting) {
-  double damping = 1e-6, current = cost(p.rig, p.throws, at, weighting);
-  for (int i = 0; i < p.settings.max_iterations; ++i) {
-    const NormalEquations normal = normal_equations(p.rig, p.throws, at, weighting, damping);
-    const Eigen::MatrixXd free = gauge_directions(p.rig, at.rig);
-    const Eigen::MatrixXd information = free.transpose() * normal.information * free;
-    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
-    const Eigen::VectorXd solved =
-        (scale.asDiagonal() * information * scale.asDiagonal())
-            .ldlt()
-            .solve(scale.asDiagonal() * (free.transpose() * normal.gradient));
-    const Solution next = stepped(at, normal, free * (scale.asDiagonal() * solved));
-    const double reached = cost(p.rig, p.throws, next, weighting);
-    if (reached <= current) {  // false for NaN too
-      const bool done = current - reached <= cost_tolerance * current + 1e-12;
-      at = next, current = reached, damping = std::max(0.1 * damping, 1e-12);
-      if (done) break;
-    } else {
-      if (reached - current <= cost_tolerance * current || damping > max_damping) break;
-      damping *= 10;
+/// Levenberg-Marquardt with weights that follow the residuals: `reweigh` changes them before each
+/// step and says whether the change matters.
+template <typename Reweigh>
+void descend(const Problem& p, Refinement& at, double enough, Reweigh reweigh) {
+  double damping = least_damping;
+  for (int i = 0; i < p.settings.max_iterations; ++i, ++at.iterations) {
+    const bool reweighed = reweigh();
+    const NormalEquations normal =
+        normal_equations(p.rig, p.throws, at.solution, at.layout, at.weighting);
+    const double current = cost(p.throws, at.residuals, at.weighting);
+    while (true) {
+      Step step = damped_step(at, normal, damping);
+      auto residuals = claimed_residuals(p.rig, p.throws, step.to);
+      if (cost(p.throws, residuals, at.weighting) <= current) {  // false for NaN too
+        at.solution = std::move(step.to), at.residuals = std::move(residuals);
+        if (!reweighed && damping <= first_damping && step.decrement <= enough) return;
+        damping = std::max(0.1 * damping, least_damping);
+        break;
+      }
+      // At the optimum rounding alone decides whether the cost falls.
+      const bool arrived = std::abs(step.decrement) <= std::max(enough, 1e-12 * current);
+      if (damping > max_damping || (arrived && !reweighed)) return;
+      if (arrived) break;
+      damping = std::max(10 * damping, first_damping);
     }
   }
-  return at;
 }
 
 double median(std::vector<double> values) {
@@ -74,98 +90,85 @@ void for_each(const std::vector<TimedThrow>& throws, Visit visit) {
       visit(j, i, throws[j].sightings[i].camera);
 }
 
-/// Each camera's robust noise in units of what is claimed: 1.4826 x the median absolute residual,
-/// outliers and all.
-std::vector<double> median_scales(const Problem& p, const PerSighting<Eigen::Vector2d>& whitened,
-                                  const Weighting& now) {
-  std::vector<std::vector<double>> sizes(p.rig.cameras.size());
-  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
-    if (now.used[j][i] && whitened[j][i].allFinite())
-      for (int c = 0; c < 2; ++c)
-        sizes[k].push_back(std::abs(whitened[j][i][c]) * now.noise_scale[k]);
-  });
-  std::vector<double> scales;
-  for (const auto& camera : sizes) scales.push_back(std::max(1.4826 * median(camera), 1e-6));
-  return scales;
-}
-
-int free_parameters(const Problem& p, const Solution& at, const Weighting& weighting) {
-  int balls = 0;
-  for (const auto& used : weighting.used)
-    balls += std::any_of(used.begin(), used.end(), [](char u) { return u; });
-  return static_cast<int>(gauge_directions(p.rig, at.rig).cols()) + slice::ball_size * balls;
-}
-
-/// Each camera's noise from its residuals' mean square, corrected for what the fit took; the claim
-/// stands where stated.
-std::vector<double> rms_scales(const Problem& p, const Solution& at, const Weighting& now) {
-  const auto whitened = whitened_residuals(p.rig, p.throws, at, now.noise_scale);
-  std::vector<double> sum(p.rig.cameras.size(), 0.0), count(sum);
-  double total = 0.0;
-  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
-    if (!now.used[j][i] || !whitened[j][i].allFinite()) return;
-    sum[k] += whitened[j][i].squaredNorm(), count[k] += 2, total += 2;
-  });
-  const double kept = 1.0 - free_parameters(p, at, now) / total;
-  std::vector<double> scales = now.noise_scale;
-  for (std::size_t k = 0; k < scales.size(); ++k)
-    if (!p.rig.cameras[k].sigma_px && count[k] > 0 && kept > 0)
-      scales[k] = std::max(now.noise_scale[k] * std::sqrt(sum[k] / (count[k] * kept)), 1e-6);
-  return scales;
-}
-
-Weighting start_weighting(const Problem& p, const Solution& at) {
-  Weighting out{{}, std::vector<double>(p.rig.cameras.size(), 1.0), 0.0};
+PerSighting<char> all_placed(const Problem& p, const RigState& rig) {
+  PerSighting<char> out;
   for (const TimedThrow& thrown : p.throws) {
-    out.used.emplace_back();
-    for (const TimedSighting& s : thrown.sightings)
-      out.used.back().push_back(at.rig.is_placed[s.camera]);
+    out.emplace_back();
+    for (const TimedSighting& s : thrown.sightings) out.back().push_back(rig.is_placed[s.camera]);
   }
   return out;
 }
 
-/// Robust fit with the noise scale following the residuals down: from a rough start nearly
-/// everything is "far", and a fixed threshold would turn the problem into the slow L1 one. Stated
-/// sigmas only ever widen here.
-Solution fit_robustly(const Problem& p, Solution at, Weighting& weighting) {
-  weighting.huber_sigmas = p.settings.huber_sigmas;
-  for (int round = 0; round < 6; ++round) {
-    const auto scales =
-        median_scales(p, whitened_residuals(p.rig, p.throws, at, weighting.noise_scale), weighting);
-    double change = 0.0;
-    for (std::size_t k = 0; k < scales.size(); ++k) {
-      const double scale = p.rig.cameras[k].sigma_px ? std::max(1.0, scales[k]) : scales[k];
-      change = std::max(change, std::abs(std::log(scale / weighting.noise_scale[k])));
-      weighting.noise_scale[k] = scale;
-    }
-    at = minimise(p, at, weighting);
-    if (change < 0.05) break;
+/// Robust noise scales: 1.4826 x each camera's median absolute residual, outliers and all; a stated
+/// sigma is only ever widened. They follow the residuals down: from a rough start nearly everything
+/// is "far", and a fixed threshold would turn the problem into the slow L1 one. Returns whether any
+/// changed by more than a twentieth.
+bool follow_medians(const Problem& p, Refinement& at) {
+  std::vector<std::vector<double>> sizes(p.rig.cameras.size());
+  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
+    const Eigen::Vector2d& r = at.residuals[j][i];
+    if (at.weighting.used[j][i] && r.allFinite())
+      sizes[k].insert(sizes[k].end(), {std::abs(r[0]), std::abs(r[1])});
+  });
+  double change = 0.0;
+  for (std::size_t k = 0; k < sizes.size(); ++k) {
+    const double least = p.rig.cameras[k].sigma_px ? 1.0 : 1e-6;
+    const double scale = std::max(1.4826 * median(std::move(sizes[k])), least);
+    change = std::max(change, std::abs(std::log(scale / at.weighting.noise_scale[k])));
+    at.weighting.noise_scale[k] = scale;
   }
-  weighting.huber_sigmas = 0.0;
-  for (std::size_t k = 0; k < weighting.noise_scale.size(); ++k)
-    if (p.rig.cameras[k].sigma_px) weighting.noise_scale[k] = 1.0;
-  return at;
+  return change > 0.05;
+}
+
+int free_parameters(const Refinement& at) {
+  int balls = 0;
+  for (const auto& used : at.weighting.used)
+    balls += std::any_of(used.begin(), used.end(), [](char u) { return u; });
+  return at.layout.size() + RigLayout::ball_size * balls;
 }
 
 /// Takes out what lies beyond the gate, and throws that are left with too little to fix their ball.
 /// Returns whether the choice changed.
-bool gate(const Problem& p, const Solution& at, Weighting& weighting) {
-  const auto whitened = whitened_residuals(p.rig, p.throws, at, weighting.noise_scale);
-  PerSighting<char> used = start_weighting(p, at).used;
+bool gate(const Problem& p, Refinement& at) {
+  PerSighting<char> used = all_placed(p, at.solution.rig);
   double gated = 0.0, total = 0.0;
-  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId) {
+  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
     if (!used[j][i]) return;
-    used[j][i] = whitened[j][i].squaredNorm() <= p.settings.gate_chi2;  // false for NaN
+    const double limit = p.settings.gate_chi2 * std::pow(at.weighting.noise_scale[k], 2);
+    used[j][i] = at.residuals[j][i].squaredNorm() <= limit;  // false for NaN
     gated += !used[j][i], total += 1;
   });
   const bool stated = std::any_of(p.rig.cameras.begin(), p.rig.cameras.end(),
                                   [](const auto& c) { return c.sigma_px.has_value(); });
-  if (stated && gated > p.settings.max_gated * total) used = start_weighting(p, at).used;
+  if (stated && gated > p.settings.max_gated * total) used = all_placed(p, at.solution.rig);
   for (auto& thrown : used)
     if (std::count(thrown.begin(), thrown.end(), 1) < 4) std::fill(thrown.begin(), thrown.end(), 0);
-  const bool changed = used != weighting.used;
-  weighting.used = std::move(used);
+  const bool changed = used != at.weighting.used;
+  at.weighting.used = std::move(used);
   return changed;
+}
+
+/// Each camera's noise from its residuals' mean square, corrected for what the fit took; the claim
+/// stands where stated. Returns whether any changed by more than a ten-thousandth.
+bool measure_noise(const Problem& p, Refinement& at) {
+  std::vector<double> sum(p.rig.cameras.size(), 0.0), count(sum);
+  double total = 0.0;
+  for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
+    if (!at.weighting.used[j][i] || !at.residuals[j][i].allFinite()) return;
+    sum[k] += at.residuals[j][i].squaredNorm(), count[k] += 2, total += 2;
+  });
+  const double kept = 1.0 - free_parameters(at) / total;
+  double change = 0.0;
+  for (std::size_t k = 0; k < sum.size(); ++k) {
+    double scale = at.weighting.noise_scale[k];
+    if (p.rig.cameras[k].sigma_px)
+      scale = 1.0;
+    else if (count[k] > 0 && kept > 0)
+      scale = std::max(std::sqrt(sum[k] / (count[k] * kept)), 1e-6);
+    change = std::max(change, std::abs(scale / at.weighting.noise_scale[k] - 1));
+    at.weighting.noise_scale[k] = scale;
+  }
+  return change > 1e-4;
 }
 
 /// What the errors that a camera's sightings share add to the covariance: the solution's answer to
@@ -173,7 +176,7 @@ bool gate(const Problem& p, const Solution& at, Weighting& weighting) {
 /// thousand sightings does not lower it, so leaving it out would promise tenths of a millimetre
 /// that a lit side of the ball takes back.
 Eigen::MatrixXd common_error_covariance(const Problem& p, const Refinement& at,
-                                        const NormalEquations& normal) {
+                                        const Eigen::VectorXd& gradient) {
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(at.covariance.rows(), at.covariance.cols());
   for (CameraId k = 0; k < p.rig.cameras.size(); ++k)
     for (int axis = 0; axis < 2; ++axis) {
@@ -183,36 +186,49 @@ Eigen::MatrixXd common_error_covariance(const Problem& p, const Refinement& at,
       for (TimedThrow& thrown : shifted)
         for (TimedSighting& s : thrown.sightings)
           if (s.camera == k) s.pixel[axis] += sigma_px;
-      const Eigen::VectorXd gradient =
-          normal_equations(p.rig, shifted, at.solution, at.weighting, 0.0).gradient;
-      const Eigen::VectorXd moved = at.covariance * (gradient - normal.gradient);
-      out += moved * moved.transpose();
+      const ReducedEquations moved = eliminate_balls(
+          normal_equations(p.rig, shifted, at.solution, at.layout, at.weighting), 0.0);
+      const Eigen::VectorXd answer = at.covariance * (moved.gradient - gradient);
+      out += answer * answer.transpose();
     }
   return out;
 }
 
-/// Inverse of the information in the free directions; what no sighting determines is listed, not
-/// inverted.
-void measure_covariance(const Problem& p, Refinement& out) {
-  const NormalEquations normal =
-      normal_equations(p.rig, p.throws, out.solution, out.weighting, 0.0);
-  const Eigen::MatrixXd free = gauge_directions(p.rig, out.solution.rig);
-  const Eigen::MatrixXd information = free.transpose() * normal.information * free;
-  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information *
-                                                             scale.asDiagonal());
+/// Inverse of the information; what no sighting determines is listed, not inverted.
+void invert_information(Refinement& out) {
+  const Eigen::VectorXd scale =
+      out.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * out.information * scale.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> llt(scaled);
+  if (llt.info() == Eigen::Success && llt.rcond() > 100 * undetermined_eigenvalue) {
+    out.covariance = scale.asDiagonal() *
+                     llt.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols())) *
+                     scale.asDiagonal();
+    out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
+    return;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   Eigen::VectorXd inverse = eigen.eigenvalues();
   for (Eigen::Index i = 0; i < inverse.size(); ++i) {
     const bool known = inverse[i] > undetermined_eigenvalue;
-    if (!known)
-      out.undetermined.push_back(free * (scale.asDiagonal() * eigen.eigenvectors().col(i)));
+    if (!known) out.undetermined.push_back(scale.asDiagonal() * eigen.eigenvectors().col(i));
     inverse[i] = known ? 1.0 / inverse[i] : 0.0;
   }
-  const Eigen::MatrixXd half = free * scale.asDiagonal() * eigen.eigenvectors();
+  const Eigen::MatrixXd half = scale.asDiagonal() * eigen.eigenvectors();
   out.covariance = half * inverse.asDiagonal() * half.transpose();
-  out.covariance += common_error_covariance(p, out, normal);
-  out.chi2 = normal.cost;
-  out.degrees_of_freedom = 2 * normal.sightings - free_parameters(p, out.solution, out.weighting);
+}
+
+void measure_covariance(const Problem& p, Refinement& out) {
+  ReducedEquations reduced = eliminate_balls(
+      normal_equations(p.rig, p.throws, out.solution, out.layout, out.weighting), 0.0);
+  out.information = std::move(reduced.information);
+  invert_information(out);
+  out.covariance += common_error_covariance(p, out, reduced.gradient);
+  out.chi2 = cost(p.throws, out.residuals, out.weighting);
+  int sightings = 0;
+  for (const auto& used : out.weighting.used)
+    sightings += static_cast<int>(std::count(used.begin(), used.end(), 1));
+  out.degrees_of_freedom = 2 * sightings - free_parameters(out);
 }
 
 }  // namespace
@@ -220,19 +236,24 @@ void measure_covariance(const Problem& p, Refinement& out) {
 Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& throws,
                   const Solution& start, const RefinementSettings& settings) {
   const Problem p{rig, throws, settings};
-  Refinement out{start, start_weighting(p, start), {}, {}, {}, 0.0, 0};
-  out.solution = fit_robustly(p, start, out.weighting);
-  for (int round = 0; round < gate_rounds; ++round) {
-    const bool changed = gate(p, out.solution, out.weighting);
-    const auto before = out.weighting.noise_scale;
-    out.weighting.noise_scale = rms_scales(p, out.solution, out.weighting);
-    out.solution = minimise(p, out.solution, out.weighting);
-    double moved = 0.0;
-    for (std::size_t k = 0; k < before.size(); ++k)
-      moved = std::max(moved, std::abs(out.weighting.noise_scale[k] / before[k] - 1));
-    if (!changed && moved < 1e-6) break;
-  }
-  out.whitened = whitened_residuals(rig, throws, out.solution, out.weighting.noise_scale);
+  Refinement out{.solution = start,
+                 .layout = RigLayout(rig, start.rig),
+                 .weighting = {all_placed(p, start.rig),
+                               std::vector<double>(rig.cameras.size(), 1.0), settings.huber_sigmas},
+                 .residuals = claimed_residuals(rig, throws, start),
+                 .covariance = {},
+                 .information = {},
+                 .undetermined = {}};
+  descend(p, out, near_enough, [&] { return follow_medians(p, out); });
+  out.weighting.huber_sigmas = 0.0;
+  for (std::size_t k = 0; k < rig.cameras.size(); ++k)
+    if (rig.cameras[k].sigma_px) out.weighting.noise_scale[k] = 1.0;
+  const auto settle = [&] {
+    const bool chosen = gate(p, out), measured = measure_noise(p, out);
+    return chosen || measured;
+  };
+  descend(p, out, at_optimum, settle);
+  settle();
   measure_covariance(p, out);
   return out;
 }

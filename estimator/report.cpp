@@ -7,6 +7,7 @@
 #include <map>
 #include <tuple>
 
+#include "estimator/next_throw.h"
 #include "estimator/verdict.h"
 
 namespace throwcal {
@@ -14,10 +15,9 @@ namespace {
 
 double rms_of(double squares, int count) { return count ? std::sqrt(squares / count) : 0.0; }
 
-/// Pixel residual of a whitened one.
-Eigen::Vector2d in_pixels(const TimedSighting& s, const Eigen::Vector2d& whitened,
-                          double noise_scale) {
-  return s.whitening.inverse() * whitened * noise_scale;
+/// Pixel residual of one in units of the claimed noise.
+Eigen::Vector2d in_pixels(const TimedSighting& s, const Eigen::Vector2d& residual) {
+  return s.whitening.inverse() * residual;
 }
 
 ThrowEstimate throw_estimate(const RigDescription& rig, const TimedThrow& thrown,
@@ -28,11 +28,10 @@ ThrowEstimate throw_estimate(const RigDescription& rig, const TimedThrow& thrown
   for (std::size_t i = 0; i < thrown.sightings.size(); ++i) {
     if (!at.weighting.used[j][i]) continue;
     const TimedSighting& s = thrown.sightings[i];
-    const double seen_s = s.time_s + at.solution.rig.time_offset_s[s.camera];
+    const double seen_s = moment_s(at.solution.rig, s);
     first_s = count ? std::min(first_s, seen_s) : seen_s;
     last_s = count ? std::max(last_s, seen_s) : seen_s;
-    squares += in_pixels(s, at.whitened[j][i], at.weighting.noise_scale[s.camera]).squaredNorm(),
-        count += 2;
+    squares += in_pixels(s, at.residuals[j][i]).squaredNorm(), count += 2;
     if (std::find(out.cameras.begin(), out.cameras.end(), s.camera) == out.cameras.end())
       out.cameras.push_back(s.camera);
   }
@@ -45,17 +44,25 @@ ThrowEstimate throw_estimate(const RigDescription& rig, const TimedThrow& thrown
   return out;
 }
 
+double sigma_of(const Refinement& at, int index) {
+  return std::sqrt(std::max(0.0, at.covariance(index, index)));
+}
+
 CameraCalibration camera_calibration(const RigDescription& rig, const Refinement& at,
                                      std::size_t k) {
   CameraCalibration out;
   out.name = rig.cameras[k].name;
-  if (!at.solution.rig.is_placed[k]) return out;
-  out.T_world_cam = at.solution.rig.T_world_cam[k];
-  out.covariance = Matrix6d(at.covariance.block<6, 6>(slice::camera(k), slice::camera(k)));
-  out.time_offset_s = at.solution.rig.time_offset_s[k];
-  const int offset = slice::camera(k) + slice::offset;
-  if (rig.estimate_offsets && k > 0)
-    out.sigma_time_offset_s = std::sqrt(std::max(0.0, at.covariance(offset, offset)));
+  const RigState& state = at.solution.rig;
+  if (!state.is_placed[k]) return out;
+  const RigLayout::Camera& camera = at.layout.camera(k);
+  out.T_world_cam = state.T_world_cam[k];
+  out.covariance = at.layout.pose_covariance(k, state, at.covariance);
+  out.time_offset_s = state.time_offset_s[k];
+  if (camera.offset) out.sigma_time_offset_s = sigma_of(at, camera.start + *camera.offset);
+  for (std::size_t i = 0; i < camera.intrinsics.size(); ++i)
+    out.lens.push_back({name_of(camera.intrinsics[i], state.models[k].lens),
+                        state.models[k].at(camera.intrinsics[i]),
+                        sigma_of(at, camera.start + camera.lens + static_cast<int>(i))});
   return out;
 }
 
@@ -93,8 +100,7 @@ Calibration report(const RigDescription& rig, const std::vector<Throw>& given,
   for (std::size_t j = 0; j < used.size(); ++j)
     for (std::size_t i = 0; i < used[j].sightings.size(); ++i) {
       const TimedSighting& s = used[j].sightings[i];
-      const Eigen::Vector2d residual =
-          in_pixels(s, refinement.whitened[j][i], refinement.weighting.noise_scale[s.camera]);
+      const Eigen::Vector2d residual = in_pixels(s, refinement.residuals[j][i]);
       fates[s.id] = {refinement.weighting.used[j][i], residual};
       if (!refinement.weighting.used[j][i]) continue;
       squares[s.camera] += residual.squaredNorm();
@@ -107,15 +113,15 @@ Calibration report(const RigDescription& rig, const std::vector<Throw>& given,
     out.cameras[k].reprojection_rms_px = rms_of(squares[k], 2 * out.cameras[k].sightings_used);
 
   out.drag_per_m = refinement.solution.rig.drag_per_m;
-  const int drag = slice::drag(rig.cameras.size());
-  if (rig.ball.estimate_drag)
-    out.sigma_drag_per_m = std::sqrt(std::max(0.0, refinement.covariance(drag, drag)));
+  if (const auto drag = refinement.layout.drag())
+    out.sigma_drag_per_m = sigma_of(refinement, *drag);
   for (std::size_t j = 0; j < used.size(); ++j)
     if (std::any_of(refinement.weighting.used[j].begin(), refinement.weighting.used[j].end(),
                     [](char u) { return u; }))
       out.throws.push_back(throw_estimate(rig, used[j], refinement, j));
   Judgement judgement = judge(rig, used, refinement);
   out.verdict = judgement.verdict, out.reasons = std::move(judgement.reasons);
+  if (out.verdict != Verdict::rejected) out.next_throw = best_next_throw(rig, used, refinement);
   return out;
 }
 

@@ -17,6 +17,8 @@ struct CameraDescription {
   /// (a lit side, a lens off by a fraction of a pixel). It does not average out, so it is
   /// considered in the result's covariance, beside the noise.
   double sigma_common_px = 0.0;
+  /// Numbers of the model that are only roughly known and estimated with the rest.
+  std::vector<Intrinsic> estimate = {};
 };
 
 struct BallDescription {

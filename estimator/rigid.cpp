@@ -8,9 +8,20 @@
 namespace throwcal {
 
 Eigen::Matrix3d exp_so3(const Eigen::Vector3d& rotation_vector) {
-  const double angle = rotation_vector.norm();
-  if (angle < 1e-10) return nearest_rotation(Eigen::Matrix3d::Identity() + skew(rotation_vector));
-  return Eigen::AngleAxisd(angle, rotation_vector / angle).toRotationMatrix();
+  const double angle2 = rotation_vector.squaredNorm();
+  double sinc, versine;  // sin(a) / a, (1 - cos(a)) / a^2
+  if (angle2 < 0.01) {   // series to a^10: the first term left out is below 1e-17
+    sinc = 1 - angle2 / 6 * (1 - angle2 / 20 * (1 - angle2 / 42 * (1 - angle2 / 72)));
+    versine = 0.5 * (1 - angle2 / 12 * (1 - angle2 / 30 * (1 - angle2 / 56 * (1 - angle2 / 90))));
+  } else {
+    const double angle = std::sqrt(angle2);
+    sinc = std::sin(angle) / angle;
+    versine = (1 - std::cos(angle)) / angle2;
+  }
+  const Eigen::Matrix3d turn = skew(rotation_vector);
+  Eigen::Matrix3d out = versine * turn.lazyProduct(turn) + sinc * turn;
+  out.diagonal().array() += 1.0;
+  return out;
 }
 
 Eigen::Vector3d log_so3(const Eigen::Matrix3d& rotation) {

@@ -25,42 +25,63 @@ std::vector<TimedThrow> time_throws(const RigDescription& rig, const std::vector
         first = std::min(first, s.time), last = std::max(last, s.time);
     if (first > last) continue;  // an empty throw says nothing
     timed.epoch = first + (last - first) / 2;
-    for (const Track& track : thrown.tracks) {
-      const CameraDescription& camera = rig.cameras[track.camera];
+    for (const Track& track : thrown.tracks)
       for (const BallSighting& s : track.sightings)
-        timed.sightings.push_back(
-            {track.camera,
-             seconds(s.time - timed.epoch) + camera.model.row_time_s * s.center_px.y(), s.center_px,
-             whitening_of(camera, s), s.id});
-    }
+        timed.sightings.push_back({track.camera, seconds(s.time - timed.epoch), s.center_px,
+                                   whitening_of(rig.cameras[track.camera], s), s.id});
+    const auto row_s = [&](const TimedSighting& s) {
+      return s.row0_s + rig.cameras[s.camera].model.row_time_s * s.pixel.y();
+    };
     std::stable_sort(timed.sightings.begin(), timed.sightings.end(),
-                     [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
+                     [&](const auto& a, const auto& b) { return row_s(a) < row_s(b); });
     out.push_back(std::move(timed));
   }
   return out;
 }
 
-std::optional<SightingModel> model_sighting(const CameraModel& model, const Rigid& T_world_cam,
-                                            const BallState& ball, const TimedSighting& sighting) {
+std::optional<Eigen::Vector2d> residual_px(const RigState& rig, const BallState& ball,
+                                           const TimedSighting& sighting) {
+  const CameraModel& model = rig.models[sighting.camera];
+  if (model.row_time_s != 0.0) {
+    SightingModel linear;
+    if (!model_sighting(rig, ball, sighting, false, linear)) return std::nullopt;
+    return linear.residual_px;
+  }
+  const Rigid& T_world_cam = rig.T_world_cam[sighting.camera];
+  const auto predicted =
+      model.project(T_world_cam.rotation.transpose() * (ball.position_m - T_world_cam.translation));
+  if (!predicted) return std::nullopt;
+  return sighting.pixel - *predicted;
+}
+
+bool model_sighting(const RigState& rig, const BallState& ball, const TimedSighting& sighting,
+                    bool wants_lens, SightingModel& out) {
+  const CameraModel& model = rig.models[sighting.camera];
+  const Rigid& T_world_cam = rig.T_world_cam[sighting.camera];
   const Eigen::Vector3d arm = ball.position_m - T_world_cam.translation;
   Eigen::Matrix<double, 2, 3> J_point;
-  const auto predicted = model.project(T_world_cam.rotation.transpose() * arm, &J_point);
-  if (!predicted) return std::nullopt;
+  Eigen::Matrix<double, 2, lens_intrinsics> J_intrinsics;
+  const auto predicted = model.project(T_world_cam.rotation.transpose() * arm, &J_point,
+                                       wants_lens ? &J_intrinsics : nullptr);
+  if (!predicted) return false;
 
-  SightingModel out;
-  out.J_position = J_point * T_world_cam.rotation.transpose();
-  const Eigen::Vector2d speed_px_s = out.J_position * ball.velocity_mps;
-  out.J_camera << -out.J_position, out.J_position * skew(arm), speed_px_s;
+  out.J_position.noalias() = J_point.lazyProduct(T_world_cam.rotation.transpose());
+  out.J_rotation.row(0) = out.J_position.row(0).cross(arm.transpose());  // J_position * skew(arm)
+  out.J_rotation.row(1) = out.J_position.row(1).cross(arm.transpose());
+  out.J_offset.noalias() = out.J_position.lazyProduct(ball.velocity_mps);
   out.residual_px = sighting.pixel - *predicted;
+  if (wants_lens) out.J_lens << J_intrinsics, sighting.pixel.y() * out.J_offset;
   if (model.row_time_s != 0.0) {
     Eigen::Matrix2d coupling = Eigen::Matrix2d::Identity();
-    coupling.col(1) -= model.row_time_s * speed_px_s;
+    coupling.col(1) -= model.row_time_s * out.J_offset;
     const Eigen::Matrix2d decoupled = coupling.inverse();
     out.residual_px = decoupled * out.residual_px;
     out.J_position = decoupled * out.J_position;
-    out.J_camera = decoupled * out.J_camera;
+    out.J_rotation = decoupled * out.J_rotation;
+    out.J_offset = decoupled * out.J_offset;
+    if (wants_lens) out.J_lens = decoupled * out.J_lens;
   }
-  return out;
+  return true;
 }
 
 }  // namespace throwcal

@@ -14,10 +14,7 @@ namespace throwcal {
 /// One sighting as the filters and the refinement read it.
 struct TimedSighting {
   CameraId camera = 0;
-  /// When the ball was seen, by the camera's own clock, from the throw's epoch [s]. A rolling
-  /// shutter's row is in it: at 8 m/s the ball moves 12 cm while 1080 rows are read, so the time
-  /// belongs to the ball's row, not to the frame.
-  double time_s = 0.0;
+  double row0_s = 0.0;  ///< middle of the first row's exposure, camera's clock, from the epoch [s]
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Matrix2d whitening = Eigen::Matrix2d::Identity();  ///< W with W^T W = cov_px2^-1 [1/px]
   std::uint64_t id = 0;
@@ -34,17 +31,22 @@ struct TimedThrow {
 /// have spoken.
 std::vector<TimedThrow> time_throws(const RigDescription& rig, const std::vector<Throw>& throws);
 
-/// The prediction of one sighting and its derivatives, at a ball that is at the moment it was seen.
-/// Residuals and Jacobians are in pixels; the rolling shutter's coupling (noise in v also moves the
-/// time) is divided out, so that the noise is the centroid's own.
-struct SightingModel {
-  Eigen::Vector2d residual_px;             ///< measured minus predicted
-  Eigen::Matrix<double, 2, 3> J_position;  ///< d predicted / d ball position, world axes
-  Eigen::Matrix<double, 2, slice::camera_size> J_camera;  ///< d predicted / d camera's block
-};
+/// When the ball was seen, from the throw's epoch on camera 1's clock [s]. At 8 m/s the ball moves
+/// 12 cm while a rolling shutter reads 1080 rows, so the time belongs to the ball's row, not to the
+/// frame.
+inline double moment_s(const RigState& rig, const TimedSighting& s) {
+  return s.row0_s + rig.models[s.camera].row_time_s * s.pixel.y() + rig.time_offset_s[s.camera];
+}
 
-/// Linearises a sighting; nothing where the ball is where this lens cannot see it.
-std::optional<SightingModel> model_sighting(const CameraModel& model, const Rigid& T_world_cam,
-                                            const BallState& ball, const TimedSighting& sighting);
+/// Measured minus predicted pixel of a sighting, at a ball where it was at that moment; nothing
+/// where this lens cannot see it. The rolling shutter's coupling (noise in v also moves the time)
+/// is divided out, so that the noise is the centroid's own.
+std::optional<Eigen::Vector2d> residual_px(const RigState& rig, const BallState& ball,
+                                           const TimedSighting& sighting);
+
+/// The same, linearised; false where it cannot be seen.
+[[nodiscard]] bool model_sighting(const RigState& rig, const BallState& ball,
+                                  const TimedSighting& sighting, bool wants_lens,
+                                  SightingModel& out);
 
 }  // namespace throwcal

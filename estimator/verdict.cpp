@@ -7,12 +7,12 @@
 #include <cstdio>
 #include <utility>
 
+#include "estimator/observability.h"
+
 namespace throwcal {
 namespace {
 
 constexpr double misfit_normal_quantile = 4.753;  // one false alarm in a million
-constexpr double wide_rotation_rad = 0.1,
-                 wide_position_m = 1.0;  // beyond them the linearisation means nothing
 constexpr double max_gated_of_camera = 0.15;
 constexpr int min_gated_of_camera = 12;
 constexpr double max_smooth_share = 0.6, max_smooth_px = 0.5;
@@ -42,11 +42,10 @@ std::vector<CameraFit> fit_of_cameras(const RigDescription& rig,
         ++camera.gated;
         continue;
       }
-      const Eigen::Vector2d& r = at.whitened[j][i];
+      const Eigen::Vector2d& r = at.residuals[j][i];
       ++camera.used;
-      camera.chi2 += r.squaredNorm();
-      camera.squares_px +=
-          (s.whitening.inverse() * r * at.weighting.noise_scale[s.camera]).squaredNorm();
+      camera.chi2 += r.squaredNorm() / std::pow(at.weighting.noise_scale[s.camera], 2);
+      camera.squares_px += (s.whitening.inverse() * r).squaredNorm();
       if (const auto* last = std::exchange(before[s.camera], &r)) {
         camera.products += last->dot(r),
             camera.squares_of_pairs += 0.5 * (last->squaredNorm() + r.squaredNorm());
@@ -103,46 +102,13 @@ std::vector<std::string> contradictions(const RigDescription& rig, const Refinem
   return out;
 }
 
-std::vector<std::string> undetermined(const RigDescription& rig, const Refinement& at) {
-  constexpr const char* advice =
-      "throw across, in several directions, where this camera and others see the ball";
-  std::vector<std::string> out;
-  for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
-    const char* name = rig.cameras[k].name.c_str();
-    if (!at.solution.rig.is_placed[k]) {
-      out.push_back(
-          text("camera %s cannot be placed: no throw that it shares with the other cameras tells "
-               "where it stands "
-               "(straight drops do not show the heading); %s",
-               name, advice));
-      continue;
-    }
-    const auto part = [&](int slice_start) {
-      const Eigen::Matrix3d block =
-          at.covariance.block<3, 3>(slice::camera(k) + slice_start, slice::camera(k) + slice_start);
-      return std::sqrt(
-          std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues()[2]));
-    };
-    bool null_direction = false;
-    for (const Eigen::VectorXd& d : at.undetermined)
-      null_direction |= d.segment<6>(slice::camera(k)).norm() > 1e-3 * d.norm();
-    if (null_direction || part(slice::rotation) > wide_rotation_rad ||
-        part(slice::translation) > wide_position_m)
-      out.push_back(
-          text("camera %s is not determined by these throws (sigma %.2g m, %.2g rad%s); %s", name,
-               part(slice::translation), part(slice::rotation),
-               null_direction ? ", and a direction about which they say nothing" : "", advice));
-  }
-  return out;
-}
-
 std::vector<std::string> short_of_target(const RigDescription& rig, const Refinement& at) {
   std::vector<std::string> out;
   for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
-    const auto norm = [&](int start) {
-      return std::sqrt(at.covariance.diagonal().segment<3>(slice::camera(k) + start).sum());
-    };
-    const double position_m = norm(slice::translation), rotation_rad = norm(slice::rotation);
+    const Eigen::Matrix<double, 6, 1> variance =
+        at.layout.pose_covariance(k, at.solution.rig, at.covariance).diagonal();
+    const double position_m = std::sqrt(variance.head<3>().sum());
+    const double rotation_rad = std::sqrt(variance.tail<3>().sum());
     if (position_m > rig.target.position_m || rotation_rad > rig.target.rotation_rad)
       out.push_back(
           text("camera %s is known to %.1f mm and %.2f mrad; wanted are %.1f mm and %.2f mrad: "
@@ -165,7 +131,7 @@ Judgement judge(const RigDescription& rig, const std::vector<TimedThrow>& throws
   const auto fits = fit_of_cameras(rig, throws, refinement);
   if (auto reasons = contradictions(rig, refinement, fits); !reasons.empty())
     return {Verdict::rejected, reasons};
-  if (auto reasons = undetermined(rig, refinement); !reasons.empty())
+  if (auto reasons = undetermined(rig, throws, refinement); !reasons.empty())
     return {Verdict::unobservable, reasons};
   if (auto reasons = short_of_target(rig, refinement); !reasons.empty())
     return {Verdict::needs_more_throws, reasons};

@@ -126,8 +126,15 @@ std::string calibration_table(const Calibration& calibration,
   std::string out = aligned(rows) + "drag " + formatted("%.5f", calibration.drag_per_m) + " /m";
   if (calibration.sigma_drag_per_m)
     out += " (sigma " + formatted("%.5f", *calibration.sigma_drag_per_m) + ")";
-  out += "\nverdict: " + to_string(calibration.verdict) + "\n";
+  out += "\n";
+  for (const CameraCalibration& camera : calibration.cameras)
+    for (const LensEstimate& lens : camera.lens)
+      out += camera.name + " " + lens.name + " " + formatted("%.6g", lens.value) + " (sigma " +
+             formatted("%.2g", lens.sigma) + ")\n";
+  out += "verdict: " + to_string(calibration.verdict) + "\n";
   for (const std::string& reason : calibration.reasons) out += "  " + reason + "\n";
+  if (calibration.next_throw && calibration.verdict != Verdict::accepted)
+    out += "next: " + calibration.next_throw->text + "\n";
   return out;
 }
 

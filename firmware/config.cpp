@@ -127,6 +127,25 @@ CameraModel read_model(TomlTable& camera) {
   return model;
 }
 
+/// `estimate = ["fx_px", "k1"]`: what is only roughly known of a camera.
+std::vector<Intrinsic> read_estimate(TomlTable& camera, Lens lens) {
+  std::vector<Intrinsic> out;
+  for (const std::string& name : camera.texts("estimate").value_or(std::vector<std::string>{})) {
+    std::string known;
+    std::optional<Intrinsic> found;
+    for (int i = 0; i < intrinsics; ++i) {
+      const auto which = static_cast<Intrinsic>(i);
+      if (name_of(which, lens).empty()) continue;
+      known += (known.empty() ? "" : ", ") + name_of(which, lens);
+      if (name_of(which, lens) == name) found = which;
+    }
+    if (!found || std::ranges::find(out, *found) != out.end())
+      camera.reject("estimate", "a list of some of " + known + ", each once");
+    out.push_back(*found);
+  }
+  return out;
+}
+
 bool is_name(std::string_view text) {
   constexpr std::string_view letters =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
@@ -160,6 +179,7 @@ void read_camera(const toml::table& table, const std::string& name,
   out.sigma_common_px =
       camera.number("sigma_common_px", positive_up_to(100, "a positive number, 100 at most"))
           .value_or(0.0);
+  out.estimate = read_estimate(camera, out.model.lens);
   config.sources.push_back(read_source(camera, folder));
   config.rig.cameras.push_back(std::move(out));
   std::ranges::copy(camera.unread(), std::back_inserter(config.warnings));

@@ -28,26 +28,53 @@ Json upper_triangle(const std::optional<Matrix6d>& covariance) {
 
 double since_start(HostTime time) { return seconds(time.time_since_epoch()); }
 
+Json lens_of(const CameraCalibration& c) {
+  Json out = Json::object();
+  for (const LensEstimate& each : c.lens)
+    out[each.name] = {{"value", number(each.value)}, {"sigma", number(each.sigma)}};
+  return out;
+}
+
 Json camera(const CameraCalibration& c) {
-  return {{"name", c.name},
-          {"T_world_cam", pose_to_json(c.T_world_cam)},
-          {"covariance", upper_triangle(c.covariance)},
-          {"time_offset_s", number(c.time_offset_s)},
-          {"sigma_time_offset_s", number(c.sigma_time_offset_s)},
-          {"reprojection_rms_px", number(c.reprojection_rms_px)},
-          {"sightings_used", c.sightings_used},
-          {"sightings_rejected", c.sightings_rejected}};
+  Json out = {{"name", c.name},
+              {"T_world_cam", pose_to_json(c.T_world_cam)},
+              {"covariance", upper_triangle(c.covariance)},
+              {"time_offset_s", number(c.time_offset_s)},
+              {"sigma_time_offset_s", number(c.sigma_time_offset_s)},
+              {"reprojection_rms_px", number(c.reprojection_rms_px)},
+              {"sightings_used", c.sightings_used},
+              {"sightings_rejected", c.sightings_rejected}};
+  if (!c.lens.empty()) out["lens"] = lens_of(c);
+  return out;
+}
+
+Json names_of(const std::vector<CameraId>& ids, const std::vector<CameraCalibration>& cameras) {
+  Json names = Json::array();
+  for (const CameraId id : ids) names.push_back(cameras.at(id).name);
+  return names;
+}
+
+Json next_throw_of(const std::optional<NextThrow>& t,
+                   const std::vector<CameraCalibration>& cameras) {
+  if (!t) return nullptr;
+  return {{"position_m", vector(t->position_world_m)},
+          {"velocity_mps", vector(t->velocity_world_mps)},
+          {"cameras", names_of(t->cameras, cameras)},
+          {"camera", cameras.at(t->camera).name},
+          {"sigma_position_m", number(t->sigma_position_m)},
+          {"sigma_rotation_rad", number(t->sigma_rotation_rad)},
+          {"expected_sigma_position_m", number(t->expected_sigma_position_m)},
+          {"expected_sigma_rotation_rad", number(t->expected_sigma_rotation_rad)},
+          {"text", t->text}};
 }
 
 Json throw_of(const ThrowEstimate& t, const std::vector<CameraCalibration>& cameras) {
-  Json names = Json::array();
-  for (const CameraId id : t.cameras) names.push_back(cameras.at(id).name);
   return {{"id", t.id},
           {"start_s", since_start(t.start)},
           {"end_s", since_start(t.end)},
           {"position_m", vector(t.position_world_m)},
           {"velocity_mps", vector(t.velocity_world_mps)},
-          {"cameras", std::move(names)},
+          {"cameras", names_of(t.cameras, cameras)},
           {"reprojection_rms_px", number(t.reprojection_rms_px)}};
 }
 
@@ -121,7 +148,8 @@ Json to_json(const Calibration& c, const std::string& created_utc) {
       {"ball",
        {{"drag_per_m", number(c.drag_per_m)}, {"sigma_drag_per_m", number(c.sigma_drag_per_m)}}},
       {"cameras", std::move(cameras)},
-      {"throws", std::move(throws)}};
+      {"throws", std::move(throws)},
+      {"next_throw", next_throw_of(c.next_throw, c.cameras)}};
 }
 
 }  // namespace throwcal

@@ -118,6 +118,17 @@ std::optional<std::vector<double>> TomlTable::numbers(std::string_view key) {
   return out;
 }
 
+std::optional<std::vector<std::string>> TomlTable::texts(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return {};
+  const toml::array* list = node->as_array();
+  if (!list || (!list->empty() && !list->is_homogeneous(toml::node_type::string)))
+    reject(key, "a list of texts");
+  std::vector<std::string> out;
+  for (const toml::node& item : *list) out.push_back(*item.value<std::string>());
+  return out;
+}
+
 std::vector<std::string> TomlTable::unread() const {
   std::vector<std::string> out;
   for (const auto& [key, node] : *table_)

@@ -40,6 +40,7 @@ class TomlTable {
   /// One of a few words; the expectation names them all.
   std::optional<std::string> choice(std::string_view key, const std::vector<std::string>& words);
   std::optional<std::vector<double>> numbers(std::string_view key);
+  std::optional<std::vector<std::string>> texts(std::string_view key);
 
   [[noreturn]] void reject(std::string_view key, const std::string& expected) const;
   [[noreturn]] void missing(std::string_view key, const std::string& expected) const;

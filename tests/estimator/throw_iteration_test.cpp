@@ -13,10 +13,9 @@ using test::make_thrown;
 using test::Thrown;
 
 double rms_rotation(const Thrown& thrown, const RigState& rig) {
-  const Eigen::VectorXd error = test::rig_error(thrown, rig);
   double sum = 0;
   for (std::size_t k = 0; k < rig.cameras(); ++k)
-    sum += error.segment<3>(slice::camera(k) + slice::rotation).squaredNorm();
+    sum += test::pose_error(thrown, rig, k).tail<3>().squaredNorm();
   return std::sqrt(sum / static_cast<double>(rig.cameras()));
 }
 

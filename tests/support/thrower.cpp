@@ -38,6 +38,7 @@ void add_cameras(Thrown& out, const ThrowerSettings& s, Draw& draw) {
     model.row_time_s = s.row_time_s;
     out.rig.cameras.push_back({"cam" + std::to_string(k + 1), model,
                                s.state_sigma ? std::optional(s.sigma_px) : std::nullopt});
+    out.true_models.push_back(model);
     out.time_offset_s.push_back(k ? draw.uniform(-s.max_offset_s, s.max_offset_s) : 0.0);
   }
 }

@@ -31,7 +31,8 @@ struct Thrown {
   RigDescription rig;
   std::vector<Rigid> T_world_cam;
   std::vector<double> time_offset_s;
-  std::vector<Flight> flights;  ///< true, start on camera 1's clock
+  std::vector<CameraModel> true_models;  ///< what the cameras are; the rig may say otherwise
+  std::vector<Flight> flights;           ///< true, start on camera 1's clock
   std::vector<Throw> throws;
 };
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <Eigen/Dense>
 #include <random>
 #include <vector>
 
@@ -11,10 +12,11 @@ namespace throwcal::test {
 
 /// The truth of a recording in the estimator's terms: balls at their throws' epochs.
 inline Solution true_solution(const Thrown& thrown, const std::vector<TimedThrow>& timed) {
-  Solution out{{thrown.T_world_cam, thrown.time_offset_s,
-                thrown.flights.empty() ? 0.0 : thrown.flights[0].drag_per_m,
-                std::vector<bool>(thrown.T_world_cam.size(), true)},
-               {}};
+  Solution out{unplaced(thrown.rig), {}};
+  out.rig.T_world_cam = thrown.T_world_cam;
+  out.rig.time_offset_s = thrown.time_offset_s;
+  out.rig.drag_per_m = thrown.flights.empty() ? 0.0 : thrown.flights[0].drag_per_m;
+  out.rig.is_placed.assign(thrown.T_world_cam.size(), true);
   for (std::size_t j = 0; j < timed.size(); ++j) {
     const Flight& flight = thrown.flights[j];
     out.balls.push_back(fly({flight.position_world_m, flight.velocity_world_mps},
@@ -33,12 +35,19 @@ inline Solution rough_start(Solution at, double rotation_rad, double position_m,
   const auto direction = [&] {
     return Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized().eval();
   };
-  Eigen::VectorXd step = Eigen::VectorXd::Zero(slice::rig_size(at.rig.cameras()));
+  const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(at.rig.T_world_cam[0]);
   for (std::size_t k = 0; k < at.rig.cameras(); ++k) {
-    step.segment<3>(slice::camera(k) + slice::translation) = position_m * direction();
-    step.segment<3>(slice::camera(k) + slice::rotation) = rotation_rad * direction();
+    Rigid& pose = at.rig.T_world_cam[k];
+    const Eigen::Vector3d move = position_m * direction(), turn = rotation_rad * direction();
+    if (k == 0) {  // keeps its place and heading
+      const Eigen::Vector2d amount =
+          (turns.transpose() * turns).inverse() * turns.transpose() * turn;
+      pose.rotation = exp_so3({0, amount[0], 0}) * pose.rotation * exp_so3({0, 0, amount[1]});
+      continue;
+    }
+    pose.translation += move;
+    pose.rotation = exp_so3(turn) * pose.rotation;
   }
-  at.rig.apply(step);
   at.rig.drag_per_m = 0.0;
   std::fill(at.rig.time_offset_s.begin(), at.rig.time_offset_s.end(), 0.0);
   for (BallState& ball : at.balls)
@@ -46,18 +55,36 @@ inline Solution rough_start(Solution at, double rotation_rad, double position_m,
   return at;
 }
 
-/// The rig's error vector (rig_size): truth minus estimate, rotations as R_true = exp([r]x)
-/// R_estimate.
+/// A camera's error (x y z rx ry rz), truth minus estimate, R_true = exp([r]x) R_estimate.
+inline Eigen::Matrix<double, 6, 1> pose_error(const Thrown& truth, const RigState& estimate,
+                                              std::size_t k) {
+  Eigen::Matrix<double, 6, 1> error;
+  const Rigid &t = truth.T_world_cam[k], &e = estimate.T_world_cam[k];
+  error << t.translation - e.translation, log_so3(t.rotation * e.rotation.transpose());
+  return error;
+}
+
+/// The error of the rig's whole vector, truth minus estimate, in the layout's order.
 inline Eigen::VectorXd rig_error(const Thrown& truth, const RigState& estimate) {
-  Eigen::VectorXd error = Eigen::VectorXd::Zero(slice::rig_size(estimate.cameras()));
+  const RigLayout layout(truth.rig, estimate);
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(layout.size());
   for (std::size_t k = 0; k < estimate.cameras(); ++k) {
-    const Rigid &t = truth.T_world_cam[k], &e = estimate.T_world_cam[k];
-    error.segment<3>(slice::camera(k)) = t.translation - e.translation;
-    error.segment<3>(slice::camera(k) + slice::rotation) =
-        log_so3(t.rotation * e.rotation.transpose());
-    error[slice::camera(k) + slice::offset] = truth.time_offset_s[k] - estimate.time_offset_s[k];
+    const RigLayout::Camera& camera = layout.camera(k);
+    const Eigen::Matrix<double, 6, 1> pose = pose_error(truth, estimate, k);
+    const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(estimate.T_world_cam[0]);
+    if (k == 0)
+      error.segment<2>(camera.start) =
+          (turns.transpose() * turns).inverse() * turns.transpose() * pose.tail<3>();
+    else
+      error.segment<6>(camera.start) = pose;
+    if (camera.offset)
+      error[camera.start + *camera.offset] = truth.time_offset_s[k] - estimate.time_offset_s[k];
+    for (std::size_t i = 0; i < camera.intrinsics.size(); ++i)
+      error[camera.start + camera.lens + static_cast<int>(i)] =
+          truth.true_models[k].at(camera.intrinsics[i]) -
+          estimate.models[k].at(camera.intrinsics[i]);
   }
-  error[slice::drag(estimate.cameras())] = truth.flights[0].drag_per_m - estimate.drag_per_m;
+  if (layout.drag()) error[*layout.drag()] = truth.flights[0].drag_per_m - estimate.drag_per_m;
   return error;
 }
 
