@@ -88,10 +88,11 @@ void Ekf::propagate_covariance(const Propagation& step) {
   rows.topRows<3>() += step.J_position_velocity0.lazyProduct(rows.bottomRows<3>());
   for (Eigen::Index i = 0; i < rows.cols(); ++i)
     rows.col(i).tail<3>() = (step.J_velocity_velocity0 * rows.col(i).tail<3>()).eval();
-  if (drag >= 0) {
-    rows.topRows<3>() += step.J_position_drag * covariance_.row(drag);
-    rows.bottomRows<3>() += step.J_velocity_drag * covariance_.row(drag);
-  }
+  if (drag >= 0)
+    for (int i = 0; i < 3; ++i) {
+      rows.row(position + i) += step.J_position_drag[i] * covariance_.row(drag);
+      rows.row(velocity + i) += step.J_velocity_drag[i] * covariance_.row(drag);
+    }
 }
 
 void Ekf::predict(double time_s) {
