@@ -30,6 +30,15 @@ double first_turning_point(const double* c, int n, double limit) {
   return std::numeric_limits<double>::infinity();
 }
 
+/// Whether r + c1 r^3 + c2 r^5 + ... surely grows all the way up to r: true where even with every
+/// number against it the slope stays positive. Spares nearly every ray the search for the turning
+/// point.
+bool surely_grows_to(double r, const double* c, int n) {
+  double least = 1.0, power = 1.0;
+  for (int i = 0; i < n; ++i) least -= (2 * i + 3) * std::abs(c[i]) * (power *= r * r);
+  return least > 0;
+}
+
 /// OpenCV's radial and tangential model on normalised coordinates, and its 2x2 derivative.
 Eigen::Vector2d distort_radtan(const std::array<double, 5>& d, const Eigen::Vector2d& p,
                                Eigen::Matrix2d* J) {
@@ -116,10 +125,13 @@ std::optional<Eigen::Vector3d> ray_radtan(const CameraModel& model,
   return close ? std::optional(Eigen::Vector3d(p.homogeneous().normalized())) : std::nullopt;
 }
 
-std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Vector2d& distorted,
-                                       double max_angle) {
+std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Vector2d& distorted) {
   const double bent = distorted.norm();
   if (bent < 1e-15) return Eigen::Vector3d::UnitZ();
+  double max_angle = std::min(2 * bent, std::numbers::pi);
+  if (!surely_grows_to(max_angle, model.distortion.data(), 4) ||
+      bend_kb4(model.distortion, max_angle).first < bent)
+    max_angle = model.max_angle_rad();
   // The bend grows up to max_angle: bisection brackets, Newton finishes.
   double low = 0.0, high = max_angle, angle = std::min(bent, 0.5 * max_angle);
   if (bend_kb4(model.distortion, high).first < bent) return std::nullopt;
@@ -159,10 +171,13 @@ std::optional<Eigen::Vector2d> CameraModel::project(
 std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pixel) const {
   const double y = (pixel.y() - cy_px) / fy_px;
   const Eigen::Vector2d distorted((pixel.x() - cx_px - skew_px * y) / fx_px, y);
-  if (lens == Lens::kb4) return ray_kb4(*this, distorted, max_angle_rad());
+  if (lens == Lens::kb4) return ray_kb4(*this, distorted);
   const auto ray = ray_radtan(*this, distorted);
-  if (!ray || std::atan2(ray->head<2>().norm(), ray->z()) > max_angle_rad()) return std::nullopt;
-  return ray;
+  if (!ray) return ray;
+  const double angle = std::atan2(ray->head<2>().norm(), ray->z());
+  const std::array<double, 3> radial{distortion[0], distortion[1], distortion[4]};
+  const bool grows = angle < 1.5 && surely_grows_to(std::tan(angle), radial.data(), 3);
+  return grows || angle <= max_angle_rad() ? ray : std::nullopt;
 }
 
 double CameraModel::max_angle_rad() const {

@@ -13,7 +13,7 @@ namespace throwcal {
 namespace {
 
 constexpr double flight_s = 0.8;
-constexpr int moments = 10;  // of a flight that is judged, each in place of several frames
+constexpr int moments = 6;  // of a flight that is judged, each in place of several frames
 constexpr double margin_px = 10.0, max_range_m = 20.0;
 constexpr std::size_t judged_exactly = 6;
 constexpr double weak_information = 0.01;  // sigma of 10 in every unit: makes the unknown finite
@@ -91,7 +91,7 @@ Eigen::MatrixXd information_of(const RigDescription& rig, const Refinement& at,
 }
 
 /// Releases to choose from: about where the ball has been thrown before, from the usual height, to
-/// all sides, nearly straight up, as usual, and far.
+/// all sides, steep and far.
 std::vector<BallState> releases(const RigDescription& rig, const std::vector<TimedThrow>& throws,
                                 const Refinement& at) {
   Eigen::Vector3d low = Eigen::Vector3d::Constant(1e9), high = -low;
@@ -111,7 +111,7 @@ std::vector<BallState> releases(const RigDescription& rig, const std::vector<Tim
   if (count == 0) return out;
   const Eigen::Vector3d centre = 0.5 * (low + high);
   const Eigen::Vector3d reach = (0.5 * (high - low)).cwiseMax(0.3).cwiseMin(3.0);
-  constexpr std::array<std::array<double, 2>, 3> speeds{{{0.8, 4.2}, {2.0, 3.8}, {3.5, 3.4}}};
+  constexpr std::array<std::array<double, 2>, 2> speeds{{{1.0, 4.2}, {2.8, 3.6}}};
   for (double x : {-1.0, 0.0, 1.0})
     for (double y : {-1.0, 0.0, 1.0})
       for (int turn = 0; turn < 8; ++turn)

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace throwcal {
 namespace {
@@ -48,13 +49,16 @@ Step damped_step(const Refinement& from, const NormalEquations& normal, double d
 }
 
 /// Levenberg-Marquardt with weights that follow the residuals: `reweigh` changes them before each
-/// step and says whether the change matters.
+/// step and says whether the change matters. Returns the last linearisation, at most a step of
+/// `enough` away from where it ends; nothing where it made none that is so near.
 template <typename Reweigh>
-void descend(const Problem& p, Refinement& at, double enough, Reweigh reweigh) {
+std::optional<NormalEquations> descend(const Problem& p, Refinement& at, double enough,
+                                       Reweigh reweigh) {
   double damping = least_damping;
-  for (int i = 0; i < p.settings.max_iterations; ++i, ++at.iterations) {
+  for (int i = 0; i < p.settings.max_iterations; ++i) {
+    ++at.iterations;
     const bool reweighed = reweigh();
-    const NormalEquations normal =
+    NormalEquations normal =
         normal_equations(p.rig, p.throws, at.solution, at.layout, at.weighting);
     const double current = cost(p.throws, at.residuals, at.weighting);
     while (true) {
@@ -62,17 +66,19 @@ void descend(const Problem& p, Refinement& at, double enough, Reweigh reweigh) {
       auto residuals = claimed_residuals(p.rig, p.throws, step.to);
       if (cost(p.throws, residuals, at.weighting) <= current) {  // false for NaN too
         at.solution = std::move(step.to), at.residuals = std::move(residuals);
-        if (!reweighed && damping <= first_damping && step.decrement <= enough) return;
+        if (!reweighed && damping <= first_damping && step.decrement <= enough) return normal;
         damping = std::max(0.1 * damping, least_damping);
         break;
       }
       // At the optimum rounding alone decides whether the cost falls.
       const bool arrived = std::abs(step.decrement) <= std::max(enough, 1e-12 * current);
-      if (damping > max_damping || (arrived && !reweighed)) return;
+      if (damping > max_damping) return {};
+      if (arrived && !reweighed) return normal;
       if (arrived) break;
       damping = std::max(10 * damping, first_damping);
     }
   }
+  return {};
 }
 
 double median(std::vector<double> values) {
@@ -218,9 +224,8 @@ void invert_information(Refinement& out) {
   out.covariance = half * inverse.asDiagonal() * half.transpose();
 }
 
-void measure_covariance(const Problem& p, Refinement& out) {
-  ReducedEquations reduced = eliminate_balls(
-      normal_equations(p.rig, p.throws, out.solution, out.layout, out.weighting), 0.0);
+void measure_covariance(const Problem& p, const NormalEquations& normal, Refinement& out) {
+  ReducedEquations reduced = eliminate_balls(normal, 0.0);
   out.information = std::move(reduced.information);
   invert_information(out);
   out.covariance += common_error_covariance(p, out, reduced.gradient);
@@ -252,9 +257,12 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
     const bool chosen = gate(p, out), measured = measure_noise(p, out);
     return chosen || measured;
   };
-  descend(p, out, at_optimum, settle);
-  settle();
-  measure_covariance(p, out);
+  const auto last = descend(p, out, at_optimum, settle);
+  const bool still_last = !settle() && last;
+  measure_covariance(
+      p,
+      still_last ? *last : normal_equations(rig, throws, out.solution, out.layout, out.weighting),
+      out);
   return out;
 }
 

@@ -55,7 +55,7 @@ TEST(NextThrow, WhatItPromisesIsWhatTheThrowBrings) {
   const Thrown more = with_throw(thrown, next, 1);
   const Calibration after = calibrate(more.rig, more.throws);
   const Eigen::Matrix<double, 6, 1> variance = after.cameras[next.camera].covariance->diagonal();
-  // The promise is made at ten moments of the flight in place of 48, and at the estimate.
+  // The promise is made at six moments of the flight in place of 48, and at the estimate.
   EXPECT_NEAR(std::sqrt(variance.head<3>().sum()) / next.expected_sigma_position_m, 1.0, 0.1);
 }
 

@@ -48,10 +48,9 @@ TEST(Export, WritesTheKeysOfTheContractInItsOrder) {
   const Json document = to_json(sample(), "2026-01-31T12:00:00Z");
   std::vector<std::string> keys;
   for (const auto& [key, value] : document.items()) keys.push_back(key);
-  EXPECT_EQ(keys,
-            (std::vector<std::string>{"schema", "created_utc", "software", "method", "verdict",
-                                      "reasons", "world", "ball", "cameras", "throws",
-                                      "next_throw"}));
+  EXPECT_EQ(keys, (std::vector<std::string>{"schema", "created_utc", "software", "method",
+                                            "verdict", "reasons", "world", "ball", "cameras",
+                                            "throws", "next_throw"}));
   EXPECT_EQ(document["schema"], "throwcal/calibration/1");
   EXPECT_EQ(document["created_utc"], "2026-01-31T12:00:00Z");
   EXPECT_EQ(document["software"], "throwcal " THROWCAL_VERSION);
