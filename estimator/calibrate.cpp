@@ -43,20 +43,21 @@ std::vector<Candidate> candidates(const RigDescription& rig, const std::vector<T
   return out;
 }
 
-/// Whether a start explains half of the sightings to within the noise that the filter believes in:
-/// then the filter has nothing to say that the refinement does not say better.
+/// Whether a start explains half of the sightings to within a tenth of the noise that the filter
+/// believes in: then the filter has nothing to say that the refinement does not say better.
 bool is_near(const RigDescription& rig, const Candidate& candidate) {
-  std::vector<double> sizes_px;
+  std::vector<double> sizes_rad;
   const auto residuals = claimed_residuals(rig, candidate.throws, candidate.solution);
   for (std::size_t j = 0; j < residuals.size(); ++j)
     for (std::size_t i = 0; i < residuals[j].size(); ++i) {
       const TimedSighting& s = candidate.throws[j].sightings[i];
       if (candidate.solution.rig.is_placed[s.camera])
-        sizes_px.push_back((s.whitening.inverse() * residuals[j][i]).norm());
+        sizes_rad.push_back((s.whitening.inverse() * residuals[j][i]).norm() /
+                            rig.cameras[s.camera].model.fx_px);
     }
-  const auto far = [](double size_px) { return !(size_px < EkfSettings{}.noise_px); };  // NaN too
-  return 2 * std::count_if(sizes_px.begin(), sizes_px.end(), far) <
-         static_cast<std::ptrdiff_t>(sizes_px.size());
+  const auto far = [](double rad) { return !(rad < 0.1 * EkfSettings{}.noise_rad); };  // NaN too
+  return 2 * std::count_if(sizes_rad.begin(), sizes_rad.end(), far) <
+         static_cast<std::ptrdiff_t>(sizes_rad.size());
 }
 
 /// The filters' part: all of it where one is asked for by name, a rescue in the full method.

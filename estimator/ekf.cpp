@@ -56,6 +56,8 @@ void Ekf::reset_rig_covariance() {
   if (layout_.drag()) variance[*layout_.drag()] = std::pow(settings_.prior_drag_per_m, 2);
 }
 
+void Ekf::hold_rig() { covariance_.setZero(); }
+
 void Ekf::start_throw(const BallState& ball) {
   ball_ = ball;
   time_s_ = 0.0;
@@ -152,7 +154,7 @@ void Ekf::update(const TimedSighting& sighting) {
   }
   Eigen::Matrix2d innovation = model_.J_position.lazyProduct(cross_.middleRows<3>(position)) +
                                J_camera_.lazyProduct(cross_.middleRows(at, camera.size));
-  innovation.diagonal().array() += settings_.noise_px * settings_.noise_px;
+  innovation.diagonal().array() += std::pow(settings_.noise_rad * rig_.cameras[k].model.fx_px, 2);
   const Eigen::Matrix2d inverse = innovation.inverse();
   const double distance = std::sqrt(model_.residual_px.dot(inverse * model_.residual_px));
   if (!std::isfinite(distance)) return;

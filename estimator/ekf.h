@@ -9,7 +9,9 @@
 namespace throwcal {
 
 struct EkfSettings {
-  double noise_px = 3.0;  ///< 1-sigma that the filter believes of a centroid; see throw_iteration.h
+  /// 1-sigma that the filter believes of a centroid, as an angle (of fx pixels); throw_iteration.h
+  /// says why it is so wide.
+  double noise_rad = 0.035;
   double prior_rotation_rad = 0.3, prior_position_m = 0.5;  ///< of each camera
   double prior_offset_s = 0.02, prior_drag_per_m = 0.02;
   double prior_ball_position_m = 0.5, prior_ball_velocity_mps = 1.0;
@@ -28,6 +30,7 @@ class Ekf {
   Ekf(const RigDescription& rig, const RigState& start, const EkfSettings& settings);
 
   void reset_rig_covariance();              ///< to the wide prior
+  void hold_rig();                          ///< as known exactly: from now on only balls move
   void start_throw(const BallState& ball);  ///< ball at time 0 of the throw, forgotten but for this
 
   void predict(double time_s);  ///< flies the ball to a time, of either sense

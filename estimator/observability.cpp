@@ -13,7 +13,8 @@ namespace {
 
 // Beyond them the linearisation means nothing.
 constexpr double wide_rotation_rad = 0.1, wide_position_m = 1.0;
-constexpr double straight_down_mps = 0.2;  // across; a drop from a hand has a tenth of it
+constexpr double suspicious_rotation_rad = 0.005;  // smaller ones are not tried
+constexpr double straight_down_mps = 0.2;          // across; a drop from a hand has a tenth of it
 constexpr double share_of_direction = 1e-3;
 
 /// The throws that a camera saw, by index.
@@ -24,37 +25,6 @@ std::vector<std::size_t> seen_by(CameraId camera, const std::vector<TimedThrow>&
                     [&](const TimedSighting& s) { return s.camera == camera; }))
       out.push_back(j);
   return out;
-}
-
-/// Whether what is known of some throws allows them to be drops down one vertical line: then no
-/// camera's heading shows, however narrow its sigma looks, for it comes from the balls' fitted
-/// noise. True where their spread across is no more than the noise explains.
-bool may_be_one_line(const std::vector<std::size_t>& drops, const RigDescription& rig,
-                     const std::vector<TimedThrow>& throws, const Refinement& at) {
-  const NormalEquations normal =
-      normal_equations(rig, throws, at.solution, at.layout, at.weighting);
-  const ReducedEquations reduced = eliminate_balls(normal, 0.0);
-  std::vector<Eigen::Vector2d> ends;
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  double noise_m2 = 0.0;
-  for (std::size_t j : drops)
-    for (const TimedSighting* s : {&throws[j].sightings.front(), &throws[j].sightings.back()}) {
-      const double time_s = moment_s(at.solution.rig, *s);
-      const BallState ball =
-          fly(at.solution.balls[j], time_s, {0, 0, -rig.gravity_mps2}, at.solution.rig.drag_per_m);
-      ends.push_back(ball.position_m.head<2>());
-      mean += ends.back();
-      // The ball's noise where the rig is known, and what the rig's uncertainty adds (a tilt of
-      // camera 1 makes all balls drift alike).
-      const NormalEquations::Matrix6& root = reduced.ball_root[j];
-      const Eigen::Matrix<double, 2, 6> own = root.topRows<2>() + time_s * root.middleRows<2>(3);
-      const Eigen::MatrixXd by_rig = own * root.transpose() * normal.balls[j].coupling.transpose();
-      noise_m2 += own.squaredNorm() + (by_rig * at.covariance).cwiseProduct(by_rig).sum();
-    }
-  mean /= static_cast<double>(ends.size());
-  double spread_m2 = 0.0;
-  for (const Eigen::Vector2d& end : ends) spread_m2 += (end - mean).squaredNorm();
-  return spread_m2 < 3 * noise_m2;
 }
 
 bool all_fell_straight_down(const std::vector<std::size_t>& throws, const Refinement& at) {
@@ -79,10 +49,53 @@ std::string cause(const RigDescription& rig, CameraId k, const std::vector<Timed
          name + " and others see the ball";
 }
 
-double widest(const Eigen::Matrix3d& covariance) {
-  const double variance =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2];
-  return std::sqrt(std::max(0.0, variance));
+/// The widest direction of a 3x3 covariance, a unit vector, and its sigma.
+std::pair<Eigen::Vector3d, double> widest(const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
+  return {eigen.eigenvectors().col(2), std::sqrt(std::max(0.0, eigen.eigenvalues()[2]))};
+}
+
+/// How much chi-square rises where everything is fitted anew with the rig held `sigmas` away from
+/// the solution along a coordinate of its vector. Where the linearisation means anything it rises
+/// by their square.
+double chi2_rise(const RigDescription& rig, const std::vector<TimedThrow>& throws,
+                 const Refinement& at, const Eigen::VectorXd& coordinate_in_sigmas, double sigmas) {
+  constexpr double hold = 1e4;  // in sigmas^-2
+  Solution moved = at.solution;
+  double reached = 0.0;
+  for (int i = 0; i < 12; ++i) {
+    const NormalEquations normal = normal_equations(rig, throws, moved, at.layout, at.weighting);
+    ReducedEquations reduced = eliminate_balls(normal, 1e-9);
+    reduced.information += hold * coordinate_in_sigmas * coordinate_in_sigmas.transpose();
+    reduced.gradient += hold * (sigmas - reached) * coordinate_in_sigmas;
+    const Eigen::VectorXd step = reduced.information.ldlt().solve(reduced.gradient);
+    at.layout.apply(step, moved.rig);
+    reached += coordinate_in_sigmas.dot(step);
+    for (std::size_t j = 0; j < throws.size(); ++j) {
+      const NormalEquations::Vector6 move = reduced.ball_step(normal, j, step);
+      moved.balls[j].position_m += move.head<3>(), moved.balls[j].velocity_mps += move.tail<3>();
+    }
+    const double moved_by = step.dot(at.information * step);
+    if (moved_by < 1e-4) break;
+  }
+  return cost(throws, claimed_residuals(rig, throws, moved), at.weighting) - at.chi2;
+}
+
+/// Whether a camera's sigma in some direction is a mirage. Drops down one line determine no
+/// heading, but their fitted noise has some spread across that looks like a measurement of it, and
+/// the linearisation believes it. So the widest direction is tried: three sigmas away chi-square
+/// must rise by about nine.
+bool is_mirage(const RigDescription& rig, CameraId k, const std::vector<TimedThrow>& throws,
+               const Refinement& at, const Matrix6d& covariance) {
+  const auto [axis, sigma_rad] = widest(covariance.bottomRightCorner<3, 3>());
+  if (k == 0 || sigma_rad < suspicious_rotation_rad) return false;
+  Eigen::VectorXd coordinate = Eigen::VectorXd::Zero(at.layout.size());
+  const RigLayout::Camera& camera = at.layout.camera(k);
+  coordinate.segment<3>(camera.start + camera.rotation) = axis / sigma_rad;
+  constexpr double sigmas = 3.0;
+  for (double side : {-sigmas, sigmas})
+    if (chi2_rise(rig, throws, at, coordinate, side) < sigmas * sigmas / 3) return true;
+  return false;
 }
 
 /// What of a camera is open; empty where nothing is.
@@ -102,11 +115,10 @@ std::string open_part(const RigDescription& rig, CameraId k, const std::vector<T
                " that is not determined";
   }
   const Matrix6d covariance = at.layout.pose_covariance(k, at.solution.rig, at.covariance);
-  const double position_m = widest(covariance.topLeftCorner<3, 3>());
-  const double rotation_rad = widest(covariance.bottomRightCorner<3, 3>());
-  bool open = rotation_rad > wide_rotation_rad || position_m > wide_position_m;
-  if (const auto seen = seen_by(k, throws); !open && k > 0 && all_fell_straight_down(seen, at))
-    open = may_be_one_line(seen, rig, throws, at);
+  const double position_m = widest(covariance.topLeftCorner<3, 3>()).second;
+  const double rotation_rad = widest(covariance.bottomRightCorner<3, 3>()).second;
+  const bool open = rotation_rad > wide_rotation_rad || position_m > wide_position_m ||
+                    is_mirage(rig, k, throws, at, covariance);
   if (!open) return {};
   char text[160];
   std::snprintf(text, sizeof text, "is not determined (1-sigma %.2g m and %.2g rad at the least)",

@@ -7,6 +7,8 @@
 namespace throwcal {
 namespace {
 
+constexpr int last_passes = 2;  // over each ball, with the rig held
+
 /// Forward over a throw, and for the RB-EKF backward again; returns the ball at the epoch as the
 /// pass leaves it.
 BallState pass_over(Ekf& filter, const TimedThrow& thrown, const BallState& start, bool backward) {
@@ -20,6 +22,17 @@ BallState pass_over(Ekf& filter, const TimedThrow& thrown, const BallState& star
       if (takes_part(*s)) filter.update(*s);
   filter.predict(0.0);
   return filter.ball();
+}
+
+/// Camera 1 is held in the x-z plane, and a rough start can carry it over the vertical in there:
+/// the same rig, turned by half a turn. The world's x axis is where it looks.
+void turn_to_face_x(Solution& at) {
+  if (at.rig.T_world_cam[0].rotation(0, 2) >= 0) return;
+  const Eigen::Matrix3d half_turn = Eigen::Vector3d(-1, -1, 1).asDiagonal();
+  for (Rigid& pose : at.rig.T_world_cam)
+    pose = {half_turn * pose.rotation, half_turn * pose.translation};
+  for (BallState& ball : at.balls)
+    ball = {half_turn * ball.position_m, half_turn * ball.velocity_mps};
 }
 
 double largest_move(const RigState& a, const RigState& b) {
@@ -44,13 +57,20 @@ Solution iterate_throws(const RigDescription& rig, const std::vector<TimedThrow>
     const RigState before = filter.rig();
     filter.reset_rig_covariance();
     for (std::size_t j = 0; j < throws.size(); ++j) {
-      const BallState ball = pass_over(filter, throws[j], out.balls[j], method == Method::rb_ekf);
-      if (method == Method::rb_ekf || sweep + 1 == sweeps) out.balls[j] = ball;
+      const BallState& from = method == Method::rb_ekf ? out.balls[j] : start.balls[j];
+      out.balls[j] = pass_over(filter, throws[j], from, method == Method::rb_ekf);
     }
     if (settings.progress) settings.progress((sweep + 1.0) / sweeps);
     if (largest_move(before, filter.rig()) < settings.enough) break;
   }
+  if (sweeps > 0) {
+    filter.hold_rig();
+    for (std::size_t j = 0; j < throws.size(); ++j)
+      for (int pass = 0; pass < last_passes; ++pass)
+        out.balls[j] = pass_over(filter, throws[j], out.balls[j], true);
+  }
   out.rig = filter.rig();
+  turn_to_face_x(out);
   return out;
 }
 

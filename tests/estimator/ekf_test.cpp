@@ -81,6 +81,7 @@ TEST_P(EveryRig, OneUpdateIsBayesRuleOnTheLinearisedSighting) {
   // the sighting's prediction by the whole super-state. Process noise off: the flight is exact.
   EkfSettings settings;
   settings.process_acceleration_mps2 = 0.0, settings.huber_sigmas = 1e9;
+  settings.noise_rad = 3.0 / 900;
   Ekf filter(thrown_.rig, truth_.rig, settings);
   filter.start_throw(truth_.balls[0]);
   const TimedSighting& first = timed_[0].sightings[20];

@@ -31,22 +31,16 @@ struct ThesisResult {
 
 ThesisErrors errors_of(const ThesisExperiment& experiment, const ThesisResult& result);
 
-/// What the filters believe of a centroid: 2 degrees in these lenses. With a hundredth of a radian
-/// (3 px) 7.7 and 7.8 are at the edge of where RB-EKF converges, and a drop's undetermined bearing
-/// wanders by some degrees in every sweep.
-constexpr double filter_noise_px = 10.0;
-
 /// A filter from the experiment's guess.
 struct ThesisFilter {
   Method method = Method::rb_ekf;
-  EkfSettings ekf{.noise_px = filter_noise_px};
+  EkfSettings ekf = {};
   int sweeps = 30;  ///< calibrate()'s number, for the thesis' 1000 "throw iterations"
 };
 
 /// A start that R-EKF is told of: somewhere near its guess, and nearly at rest. These sigmas stand
 /// beside the filter's inflated noise, not beside the centroids' own, so they are wide.
-constexpr EkfSettings let_go{
-    .noise_px = filter_noise_px, .prior_ball_position_m = 0.5, .prior_ball_velocity_mps = 0.1};
+constexpr EkfSettings let_go{.prior_ball_position_m = 0.5, .prior_ball_velocity_mps = 0.1};
 
 /// RMS errors over the recordings of seeds 1 to `seeds`: of a filter from the experiment's guess,
 /// of calibrate() without one, and of the truth itself (its re-projection error is the noise).
