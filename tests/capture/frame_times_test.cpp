@@ -46,8 +46,22 @@ TEST_F(FrameTimes, AreExactToTheNanosecond) {
 TEST_F(FrameTimes, SayWhichLineIsNoTime) {
   EXPECT_EQ(error_of("# timestamp format v2\n0.0\n16,7\n"),
             path_ + ", line 3: \"16,7\" is no time; expected milliseconds such as 16.683333");
-  for (const char* bad : {"abc", "1.2.3", "1e3", "nan", "-", ".", "9999999999999", "1 2", "0x10"})
+  for (const char* bad :
+       {"abc", "1.2.3", "1e3", "nan", "-", ".", "9999999999999", "4000000000001", "1 2", "0x10"})
     EXPECT_NE(error_of(std::string(bad) + "\n").find(", line 1: "), std::string::npos) << bad;
+}
+
+TEST_F(FrameTimes, SayItOnOneLineWhateverTheBytes) {
+  EXPECT_EQ(error_of(std::string("0\n\x1b[2J\0\xff", 8)),
+            path_ +
+                ", line 2: \"\\x1B[2J\\x00\\xFF\" is no time; expected milliseconds such as "
+                "16.683333");
+  EXPECT_LT(error_of(std::string(100'000, 'x')).size(), path_.size() + 200);
+}
+
+TEST_F(FrameTimes, MayHaveMoreDecimalsThanCount) {
+  EXPECT_EQ(read("0.00000049999999999999999999999999\n1.9999999999999999999999999999\n"),
+            (std::vector<std::int64_t>{0, 2'000'000}));
 }
 
 TEST_F(FrameTimes, SayWhichLineDoesNotAscend) {

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <string>
+#include <string_view>
+
+namespace throwcal {
+
+/// Text from outside, fit for a one-line message: what is not printable ASCII becomes \xNN, what is
+/// longer than 40 characters ends in "...".
+std::string printable(std::string_view text);
+
+/// The same between quotes.
+std::string in_quotes(std::string_view text);
+
+}  // namespace throwcal
