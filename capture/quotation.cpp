@@ -3,8 +3,7 @@
 
 namespace throwcal {
 
-std::string printable(std::string_view text) {
-  constexpr std::size_t enough = 40;
+std::string printable(std::string_view text, std::size_t enough) {
   constexpr std::string_view hex = "0123456789ABCDEF";
   std::string out;
   for (const char c : text.substr(0, enough)) {

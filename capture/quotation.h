@@ -6,8 +6,8 @@
 namespace throwcal {
 
 /// Text from outside, fit for a one-line message: what is not printable ASCII becomes \xNN, what is
-/// longer than 40 characters ends in "...".
-std::string printable(std::string_view text);
+/// longer than `enough` characters ends in "...".
+std::string printable(std::string_view text, std::size_t enough = 40);
 
 /// The same between quotes.
 std::string in_quotes(std::string_view text);

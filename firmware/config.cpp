@@ -6,6 +6,7 @@
 #include <numbers>
 #include <set>
 
+#include "capture/quotation.h"
 #include "estimator/ballistics.h"
 #include "firmware/text_file.h"
 
@@ -15,15 +16,14 @@ namespace {
 constexpr std::size_t min_cameras = 2, max_cameras = 64;
 constexpr std::int64_t max_side_px = 65536;
 
-const NumberRange any{.text = "a finite number"};
-
-NumberRange positive_up_to(double high, const std::string& text) {
-  return {.text = text, .low = 0.0, .high = high, .low_excluded = true};
-}
-NumberRange between(double low, double high, const std::string& text) {
-  return {.text = text, .low = low, .high = high};
-}
-const NumberRange positive = positive_up_to(1e6, "a positive number");
+/// What no lens, ball or place on Earth, Moon or Mars exceeds; beyond it the numbers mean nothing.
+const NumberRange focal_px = between(1, 1e6);
+const NumberRange pixels = between(-1e6, 1e6);
+const NumberRange distortion = between(-1e6, 1e6);
+const NumberRange sigma_px = between(1e-6, 100);
+const NumberRange target = between(1e-9, 1e6);
+constexpr double max_drag_per_m = 10;  ///< an air balloon's is 4
+constexpr double max_readout_s = 0.5;
 
 /// The tables of a rig file that are not cameras.
 class TopLevel {
@@ -47,12 +47,9 @@ class TopLevel {
 };
 
 double read_site(TomlTable site, Config& config) {
-  const auto gravity =
-      site.number("gravity_mps2", positive_up_to(100.0, "a positive number of m/s^2, 100 at most"));
-  const auto latitude =
-      site.number("latitude_deg", between(-90, 90, "a latitude in degrees, from -90 to 90"));
-  const auto altitude =
-      site.number("altitude_m", between(-500, 9000, "a height in metres, from -500 to 9000"));
+  const auto gravity = site.number("gravity_mps2", between(0.1, 100, "a number of m/s^2"));
+  const auto latitude = site.number("latitude_deg", between(-90, 90, "a latitude in degrees"));
+  const auto altitude = site.number("altitude_m", between(-500, 9000, "a height in metres"));
   RigDescription& rig = config.rig;
   if (gravity) {
     rig.gravity_mps2 = *gravity;
@@ -68,12 +65,9 @@ double read_site(TomlTable site, Config& config) {
 
 void read_ball(TomlTable ball, double altitude_m, Config& config) {
   BallDescription& out = config.rig.ball;
-  const auto diameter =
-      ball.number("diameter_m", positive_up_to(5.0, "a positive number of metres, 5 at most"));
-  const auto mass =
-      ball.number("mass_kg", positive_up_to(100.0, "a positive number of kilograms, 100 at most"));
-  const auto coefficient =
-      ball.number("drag_coefficient", between(0.0, 10.0, "a number from 0 to 10")).value_or(0.47);
+  const auto diameter = ball.number("diameter_m", between(0.001, 5, "a number of metres"));
+  const auto mass = ball.number("mass_kg", between(1e-4, 100, "a number of kilograms"));
+  const auto coefficient = ball.number("drag_coefficient", between(0, 10)).value_or(0.47);
   const std::string drag =
       ball.choice("drag", {"none", "from-ball", "estimate"}).value_or("estimate");
   if (drag == "from-ball" && !diameter) ball.missing("diameter_m", "it, as drag is \"from-ball\"");
@@ -82,14 +76,16 @@ void read_ball(TomlTable ball, double altitude_m, Config& config) {
   out.estimate_drag = drag == "estimate";
   if (drag != "none" && mass)
     out.drag_per_m = sphere_drag_per_m(out.diameter_m, *mass, coefficient, altitude_m);
+  if (out.drag_per_m > max_drag_per_m)
+    ball.reject("mass_kg", "that of a ball whose drag is 10 /m at most");
   std::ranges::copy(ball.unread(), std::back_inserter(config.warnings));
 }
 
-void read_target(TomlTable target, Config& config) {
+void read_target(TomlTable table, Config& config) {
   Target& out = config.rig.target;
-  out.position_m = target.number("position_m", positive).value_or(out.position_m);
-  out.rotation_rad = target.number("rotation_rad", positive).value_or(out.rotation_rad);
-  std::ranges::copy(target.unread(), std::back_inserter(config.warnings));
+  out.position_m = table.number("position_m", target).value_or(out.position_m);
+  out.rotation_rad = table.number("rotation_rad", target).value_or(out.rotation_rad);
+  std::ranges::copy(table.unread(), std::back_inserter(config.warnings));
 }
 
 void read_timing(TomlTable timing, Config& config) {
@@ -99,7 +95,7 @@ void read_timing(TomlTable timing, Config& config) {
 }
 
 void read_distortion(TomlTable& camera, CameraModel& model) {
-  const auto given = camera.numbers("distortion");
+  const auto given = camera.numbers("distortion", distortion);
   if (!given || given->empty()) return;
   if (model.lens == Lens::radtan && given->size() != 4 && given->size() != 5)
     camera.reject("distortion", "4 or 5 numbers (k1, k2, p1, p2, k3) for a radtan lens");
@@ -115,14 +111,15 @@ CameraModel read_model(TomlTable& camera) {
   const auto lens = camera.choice("lens", {"radtan", "kb4"});
   if (!lens) camera.missing("lens", "\"radtan\" or \"kb4\"");
   model.lens = *lens == "kb4" ? Lens::kb4 : Lens::radtan;
-  model.fx_px = camera.required_number("fx_px", positive);
-  model.fy_px = camera.required_number("fy_px", positive);
-  model.cx_px = camera.required_number("cx_px", any);
-  model.cy_px = camera.required_number("cy_px", any);
-  model.skew_px = camera.number("skew_px", any).value_or(0.0);
+  model.fx_px = camera.required_number("fx_px", focal_px);
+  model.fy_px = camera.required_number("fy_px", focal_px);
+  model.cx_px = camera.required_number("cx_px", pixels);
+  model.cy_px = camera.required_number("cy_px", pixels);
+  model.skew_px = camera.number("skew_px", pixels).value_or(0.0);
   model.row_time_s =
-      camera.number("row_time_s", between(0.0, 0.01, "a number of seconds from 0 to 0.01"))
-          .value_or(0.0);
+      camera.number("row_time_s", between(0, 0.01, "a number of seconds")).value_or(0.0);
+  if (model.row_time_s * model.height_px > max_readout_s)
+    camera.reject("row_time_s", "short enough for all rows to be read within half a second");
   read_distortion(camera, model);
   return model;
 }
@@ -175,10 +172,8 @@ void read_camera(const toml::table& table, const std::string& name,
     camera.reject("name", "unique among the cameras");
   camera.rename("camera \"" + out.name + "\":");
   out.model = read_model(camera);
-  out.sigma_px = camera.number("sigma_px", positive_up_to(100, "a positive number, 100 at most"));
-  out.sigma_common_px =
-      camera.number("sigma_common_px", positive_up_to(100, "a positive number, 100 at most"))
-          .value_or(0.0);
+  out.sigma_px = camera.number("sigma_px", sigma_px);
+  out.sigma_common_px = camera.number("sigma_common_px", sigma_px).value_or(0.0);
   out.estimate = read_estimate(camera, out.model.lens);
   config.sources.push_back(read_source(camera, folder));
   config.rig.cameras.push_back(std::move(out));
@@ -217,15 +212,14 @@ void read_simulation(TomlTable table, SimulatedSceneSettings& s) {
   integer("cameras", s.cameras, 2, 8);
   integer("width_px", s.width_px, 64, 4096);
   integer("height_px", s.height_px, 48, 4096);
-  number("side_m", s.side_m, between(2.0, 20.0, "a number of metres from 2 to 20"));
-  number("focal_px", s.focal_px, positive_up_to(10000, "a positive number, 10000 at most"));
-  number("frames_per_s", s.frames_per_s, between(10, 1000, "a number from 10 to 1000"));
-  number("max_offset_s", s.max_offset_s, between(0, 0.05, "a number of seconds from 0 to 0.05"));
-  number("drag_per_m", s.drag_per_m, between(0, 1, "a number from 0 to 1"));
-  number("row_time_s", s.row_time_s, between(0, 1e-4, "a number of seconds from 0 to 0.0001"));
-  number("throw_interval_s", s.throw_interval_s,
-         between(2.0, 60.0, "a number of seconds from 2 to 60"));
-  number("exposure_s", s.exposure_s, between(0, 0.02, "a number of seconds from 0 to 0.02"));
+  number("side_m", s.side_m, between(2.0, 20.0, "a number of metres"));
+  number("focal_px", s.focal_px, between(10, 10000));
+  number("frames_per_s", s.frames_per_s, between(10, 1000));
+  number("max_offset_s", s.max_offset_s, between(0, 0.05, "a number of seconds"));
+  number("drag_per_m", s.drag_per_m, between(0, 1));
+  number("row_time_s", s.row_time_s, between(0, 1e-4, "a number of seconds"));
+  number("throw_interval_s", s.throw_interval_s, between(2.0, 60.0, "a number of seconds"));
+  number("exposure_s", s.exposure_s, between(0, 0.02, "a number of seconds"));
   refuse_unread(table);
 }
 
@@ -245,7 +239,7 @@ toml::table parse(std::string_view toml, const std::string& name) {
     return toml::parse(toml, name);
   } catch (const toml::parse_error& error) {
     throw InputError(name + ":" + std::to_string(error.source().begin.line) +
-                     ": not TOML: " + std::string(error.description()));
+                     ": not TOML: " + printable(error.description(), 200));
   }
 }
 
@@ -255,7 +249,7 @@ void warn_of_unknown_tables(const toml::table& document, const std::string& name
   for (const auto& [key, node] : document)
     if (!known.contains(key.str()))
       config.warnings.push_back(name + ":" + std::to_string(node.source().begin.line) + ": " +
-                                std::string(key.str()) + " is not a known key");
+                                printable(key.str()) + " is not a known key");
 }
 
 }  // namespace

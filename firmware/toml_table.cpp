@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/toml_table.h"
 
-#include <cmath>
-
+#include "capture/quotation.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
@@ -10,7 +9,7 @@ namespace {
 
 std::string shown(const toml::node* node) {
   if (!node) return "nothing";
-  if (const auto* text = node->as_string()) return '"' + text->get() + '"';
+  if (const auto* text = node->as_string()) return in_quotes(text->get());
   if (const auto* whole = node->as_integer()) return std::to_string(whole->get());
   if (const auto* number = node->as_floating_point()) return shortest(number->get());
   if (const auto* yes = node->as_boolean()) return yes->get() ? "true" : "false";
@@ -19,10 +18,6 @@ std::string shown(const toml::node* node) {
 }
 
 }  // namespace
-
-bool NumberRange::holds(double value) const {
-  return std::isfinite(value) && value <= high && (low_excluded ? value > low : value >= low);
-}
 
 TomlTable::TomlTable(const toml::table& table, std::string file, std::string where)
     : table_(&table), file_(std::move(file)), where_(std::move(where)) {}
@@ -103,7 +98,8 @@ std::optional<std::string> TomlTable::choice(std::string_view key,
   reject(key, expected);
 }
 
-std::optional<std::vector<double>> TomlTable::numbers(std::string_view key) {
+std::optional<std::vector<double>> TomlTable::numbers(std::string_view key,
+                                                      const NumberRange& each) {
   const toml::node* node = find(key);
   if (!node) return {};
   const toml::array* list = node->as_array();
@@ -111,8 +107,9 @@ std::optional<std::vector<double>> TomlTable::numbers(std::string_view key) {
   std::vector<double> out;
   for (const toml::node& item : *list) {
     const auto value = item.is_number() ? item.value<double>() : std::nullopt;
-    if (!value || !std::isfinite(*value))
-      throw InputError(at(key) + " must hold finite numbers only, got " + shown(&item));
+    if (!value || !each.holds(*value))
+      throw InputError(at(key) + " must be a list, each of it " + each.text + ", got " +
+                       shown(&item));
     out.push_back(*value);
   }
   return out;
@@ -134,7 +131,7 @@ std::vector<std::string> TomlTable::unread() const {
   for (const auto& [key, node] : *table_)
     if (!asked_.contains(std::string(key.str())))
       out.push_back(file_ + ":" + std::to_string(node.source().begin.line) + ": " + where_ + " " +
-                    std::string(key.str()) + " is not a known key");
+                    printable(key.str()) + " is not a known key");
   return out;
 }
 

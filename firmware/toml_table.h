@@ -3,7 +3,6 @@
 #include <toml++/toml.h>
 
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <set>
 #include <string>
@@ -11,18 +10,9 @@
 #include <vector>
 
 #include "firmware/input_error.h"
+#include "firmware/number_range.h"
 
 namespace throwcal {
-
-/// Which numbers a key takes, and how that is told: "must be " + text.
-struct NumberRange {
-  std::string text = "a number";
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-  bool low_excluded = false;
-
-  bool holds(double value) const;
-};
 
 /// One table of a TOML file, read key by key. Every value that is not what was asked for throws
 /// InputError with file and line; what nobody asked for is told by unread().
@@ -39,7 +29,7 @@ class TomlTable {
   std::optional<std::string> text(std::string_view key);
   /// One of a few words; the expectation names them all.
   std::optional<std::string> choice(std::string_view key, const std::vector<std::string>& words);
-  std::optional<std::vector<double>> numbers(std::string_view key);
+  std::optional<std::vector<double>> numbers(std::string_view key, const NumberRange& each);
   std::optional<std::vector<std::string>> texts(std::string_view key);
 
   [[noreturn]] void reject(std::string_view key, const std::string& expected) const;
