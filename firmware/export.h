@@ -36,6 +36,8 @@ Calibration to_calibration(const Json& document, const std::string& name);
 
 /// Any JSON file. Throws InputError with path and line.
 Json read_json(const std::filesystem::path& file);
+/// The same from text; `name` stands for the file in messages.
+Json parse_json(std::string_view text, const std::string& name);
 
 std::string to_string(Verdict verdict);  ///< "accepted", "needs-more-throws", ...
 std::string to_string(Method method);    ///< "full", "rb-ekf", "r-ekf", "ekf"

@@ -2,12 +2,22 @@
 #include <algorithm>
 #include <cmath>
 
+#include "capture/quotation.h"
 #include "firmware/export.h"
 #include "firmware/input_error.h"
+#include "firmware/number_range.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
 namespace {
+
+/// Of a throw: the nanoseconds of any two such times have a difference in 64 bits.
+const NumberRange time_s = between(-4e9, 4e9, "a number of seconds");
+const NumberRange sightings_count = between(0, 1e9);
+/// Of a guess, beyond which no refinement finds its way, nor should a flight be followed.
+const NumberRange metres = between(-1e5, 1e5, "a number of metres");
+const NumberRange offset_s = between(-10, 10, "a number of seconds");
+const NumberRange drag_per_m = between(-1, 10);
 
 /// Reads values of one calibration document and names the place of what is not as it should be.
 class Reader {
@@ -22,12 +32,12 @@ class Reader {
   bool is_null() const { return value_.is_null(); }
   const Json& json() const { return value_; }
 
-  double number() const {
-    if (!value_.is_number() || !std::isfinite(value_.get<double>())) expect("a finite number");
+  double number(const NumberRange& range = {}) const {
+    if (!value_.is_number() || !range.holds(value_.get<double>())) expect(range.text);
     return value_.get<double>();
   }
-  std::optional<double> optional_number() const {
-    return is_null() ? std::nullopt : std::optional(number());
+  std::optional<double> optional_number(const NumberRange& range = {}) const {
+    return is_null() ? std::nullopt : std::optional(number(range));
   }
   std::string text() const {
     if (!value_.is_string()) expect("a text");
@@ -50,10 +60,16 @@ class Reader {
     return out;
   }
   [[noreturn]] void expect(const std::string& what) const {
-    throw InputError(place_ + " must be " + what + (is_null() ? ", got nothing" : ""));
+    throw InputError(place_ + " must be " + what + ", got " + shown());
   }
 
  private:
+  std::string shown() const {
+    if (is_null()) return "nothing";
+    if (value_.is_object()) return "an object";
+    return value_.is_array() ? std::to_string(value_.size()) + " values" : printable(value_.dump());
+  }
+
   const Json& value_;
   std::string place_;
 };
@@ -81,15 +97,16 @@ std::optional<Matrix6d> read_covariance(const Reader& given) {
 CameraCalibration read_camera(const Reader& listed, const std::string& name) {
   CameraCalibration out;
   out.name = listed["name"].text();
-  const Reader camera(listed.json(), name + ": camera \"" + out.name + "\"");
+  const Reader camera(listed.json(), name + ": camera " + in_quotes(out.name));
   out.T_world_cam = read_pose(camera["T_world_cam"]);
   out.covariance = read_covariance(camera["covariance"]);
   out.time_offset_s = camera["time_offset_s"].optional_number().value_or(0.0);
   out.sigma_time_offset_s = camera["sigma_time_offset_s"].optional_number();
   out.reprojection_rms_px = camera["reprojection_rms_px"].optional_number().value_or(0.0);
-  out.sightings_used = static_cast<int>(camera["sightings_used"].optional_number().value_or(0));
+  out.sightings_used =
+      static_cast<int>(camera["sightings_used"].optional_number(sightings_count).value_or(0));
   out.sightings_rejected =
-      static_cast<int>(camera["sightings_rejected"].optional_number().value_or(0));
+      static_cast<int>(camera["sightings_rejected"].optional_number(sightings_count).value_or(0));
   return out;
 }
 
@@ -97,9 +114,9 @@ ThrowEstimate read_throw(const Reader& listed, const std::string& name,
                          const std::vector<CameraCalibration>& cameras) {
   ThrowEstimate out;
   out.id = listed["id"].text();
-  const Reader thrown(listed.json(), name + ": throw \"" + out.id + "\"");
-  out.start = HostTime(from_seconds(thrown["start_s"].number()));
-  out.end = HostTime(from_seconds(thrown["end_s"].number()));
+  const Reader thrown(listed.json(), name + ": throw " + in_quotes(out.id));
+  out.start = HostTime(from_seconds(thrown["start_s"].number(time_s)));
+  out.end = HostTime(from_seconds(thrown["end_s"].number(time_s)));
   const auto p = thrown["position_m"].numbers(3), v = thrown["velocity_mps"].numbers(3);
   out.position_world_m = {p[0], p[1], p[2]};
   out.velocity_world_mps = {v[0], v[1], v[2]};
@@ -123,16 +140,19 @@ Verdict read_verdict(const Reader& given) {
 
 }  // namespace
 
-Json read_json(const std::filesystem::path& file) {
+Json parse_json(std::string_view text, const std::string& name) {
   try {
-    return Json::parse(read_text_file(file));
+    return Json::parse(text);
   } catch (const Json::exception& error) {
-    std::string what =
+    std::string_view what =
         error.what();  // "[json.exception.parse_error.101] parse error at line 1, ..."
-    if (const auto end = what.find("] "); end != what.npos) what.erase(0, end + 2);
-    std::ranges::replace(what, '\n', ' ');
-    throw InputError(file.string() + ": not JSON: " + what);
+    if (const auto end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
+    throw InputError(name + ": not JSON: " + printable(what, 200));
   }
+}
+
+Json read_json(const std::filesystem::path& file) {
+  return parse_json(read_text_file(file), file.string());
 }
 
 Calibration to_calibration(const Json& document, const std::string& name) {
@@ -156,20 +176,41 @@ Calibration to_calibration(const Json& document, const std::string& name) {
   return out;
 }
 
+namespace {
+
+void check(double value, const NumberRange& range, const std::string& place) {
+  if (!range.holds(value))
+    throw InputError(place + " must be " + range.text + ", got " + shortest(value));
+}
+
+/// A camera that a guess must hold, and what the estimator can begin with.
+const CameraCalibration& guessed(const std::vector<CameraCalibration>& cameras,
+                                 const std::string& camera, const std::string& place) {
+  const auto found = std::ranges::find(cameras, camera, &CameraCalibration::name);
+  if (found == cameras.end())
+    throw InputError(place + " is missing; expected every camera of the rig file");
+  if (std::ranges::count(cameras, camera, &CameraCalibration::name) > 1)
+    throw InputError(place + " stands twice; expected it once");
+  if (!found->T_world_cam)
+    throw InputError(place + " has no T_world_cam; a guess must say where every camera stands");
+  for (const double coordinate : found->T_world_cam->translation)
+    check(coordinate, metres, place + " T_world_cam translation_m");
+  check(found->time_offset_s, offset_s, place + " time_offset_s");
+  return *found;
+}
+
+}  // namespace
+
 Guess to_guess(const Json& document, const RigDescription& rig, const std::string& name) {
   const Calibration calibration = to_calibration(document, name);
   Guess guess;
   guess.drag_per_m = calibration.drag_per_m;
+  check(guess.drag_per_m, drag_per_m, name + ": drag_per_m");
   for (const CameraDescription& camera : rig.cameras) {
-    const auto found =
-        std::ranges::find(calibration.cameras, camera.name, &CameraCalibration::name);
-    const std::string place = name + ": camera \"" + camera.name + "\"";
-    if (found == calibration.cameras.end())
-      throw InputError(place + " is missing; expected every camera of the rig file");
-    if (!found->T_world_cam)
-      throw InputError(place + " has no T_world_cam; a guess must say where every camera stands");
-    guess.T_world_cam.push_back(*found->T_world_cam);
-    guess.time_offset_s.push_back(found->time_offset_s);
+    const CameraCalibration& start =
+        guessed(calibration.cameras, camera.name, name + ": camera " + in_quotes(camera.name));
+    guess.T_world_cam.push_back(*start.T_world_cam);
+    guess.time_offset_s.push_back(start.time_offset_s);
   }
   return guess;
 }

@@ -138,8 +138,38 @@ TEST(Guess, SaysWhatIsMissing) {
             "guess.json: camera \"east\" has no T_world_cam; a guess must say where every camera "
             "stands");
   document["cameras"][0]["T_world_cam"]["translation_m"] = "here";
+  EXPECT_EQ(
+      error_for("north", document),
+      "guess.json: camera \"north\" T_world_cam translation_m must be a list of 3 numbers, got "
+      "\"here\"");
+  document["cameras"][0]["T_world_cam"]["translation_m"] = {0, 1e300, 0};
+  EXPECT_EQ(
+      error_for("north", document),
+      "guess.json: camera \"north\" T_world_cam translation_m must be a number of metres from "
+      "-1e+05 to 1e+05, got 1e+300");
+  document["cameras"][0]["T_world_cam"]["translation_m"] = {0, 1, 0};
+  document["cameras"][0]["time_offset_s"] = -11;
+  EXPECT_EQ(
+      error_for("north", document),
+      "guess.json: camera \"north\" time_offset_s must be a number of seconds from -10 to 10, "
+      "got -11");
+  document["cameras"][0]["T_world_cam"]["quaternion_wxyz"] = {2, 0, 0, 0};
   EXPECT_EQ(error_for("north", document),
-            "guess.json: camera \"north\" T_world_cam translation_m must be a list of 3 numbers");
+            "guess.json: camera \"north\" T_world_cam quaternion_wxyz must be of length 1, got 4 "
+            "values");
+  document["throws"] = nullptr;
+  document["cameras"][1]["name"] = "north";
+  document["cameras"][0]["T_world_cam"] = nullptr;
+  EXPECT_EQ(error_for("north", document),
+            "guess.json: camera \"north\" stands twice; expected it once");
+  document["cameras"][1]["sightings_used"] = -1e300;
+  EXPECT_EQ(error_for("north", document),
+            "guess.json: camera \"north\" sightings_used must be a number from 0 to 1e+09, got "
+            "-1e+300");
+  document["ball"]["drag_per_m"] = 1e300;
+  document["cameras"] = Json::array();
+  EXPECT_EQ(error_for("north", document),
+            "guess.json: drag_per_m must be a number from -1 to 10, got 1e+300");
   EXPECT_EQ(error_for("north", Json(3)), "guess.json: must be a calibration (a JSON object)");
   EXPECT_EQ(error_for("north", Json::object()), "guess.json: cameras must be a list, got nothing");
 }
