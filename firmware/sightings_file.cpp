@@ -4,13 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <map>
 #include <optional>
-#include <set>
+#include <tuple>
 
+#include "capture/quotation.h"
 #include "firmware/decimal_time.h"
 #include "firmware/input_error.h"
+#include "firmware/number_range.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
@@ -19,6 +20,18 @@ namespace {
 /// Wide, for linking to survive a poor detector; every consumer learns the true scale from the
 /// data.
 constexpr double unstated_sigma_px = 1.0;
+
+/// 126 years either way, since 1970 too: the difference of two such times fits 64 bits of
+/// nanoseconds.
+constexpr std::chrono::seconds most_time(4'000'000'000);
+
+/// A ball's centre may lie outside the picture; farther out than the picture is wide, it is none.
+NumberRange pixel_range(int side_px) {
+  return between(-side_px, 2.0 * side_px, "a number of pixels");
+}
+NumberRange radius_range(const CameraModel& model) {
+  return between(0.01, model.width_px + model.height_px, "a number of pixels");
+}
 
 enum Column : std::size_t { camera, time_s, u_px, v_px, radius_px, label, columns };
 constexpr std::array<std::string_view, columns> column_names{"camera", "time_s",    "u_px",
@@ -106,16 +119,14 @@ class SightingsParser {
     SightingRow row;
     BallSighting& s = row.sighting;
     s.camera = camera_id(cells[*place_[camera]]);
-    const auto time = parse_time(cells[*place_[time_s]]);
-    if (!time) expect(time_s, "a number of seconds", cells);
-    s.time = *time;
-    s.center_px = {number(u_px, cells), number(v_px, cells)};
-    const double sigma = rig_.cameras[s.camera].sigma_px.value_or(unstated_sigma_px);
+    const CameraDescription& seen_by = rig_.cameras[s.camera];
+    s.time = time(cells);
+    s.center_px = {number(u_px, pixel_range(seen_by.model.width_px), cells),
+                   number(v_px, pixel_range(seen_by.model.height_px), cells)};
+    const double sigma = seen_by.sigma_px.value_or(unstated_sigma_px);
     s.cov_px2 = sigma * sigma * Eigen::Matrix2d::Identity();
-    if (place_[radius_px] && !cells[*place_[radius_px]].empty()) {
-      s.radius_px = number(radius_px, cells);
-      if (*s.radius_px <= 0.0) expect(radius_px, "a positive number", cells);
-    }
+    if (place_[radius_px] && !cells[*place_[radius_px]].empty())
+      s.radius_px = number(radius_px, radius_range(seen_by.model), cells);
     if (place_[label]) row.throw_id = cells[*place_[label]];
     s.id = rows_.size() + 1;
     check_unique(row);
@@ -127,37 +138,49 @@ class SightingsParser {
       if (rig_.cameras[id].name == name) return id;
     std::string expected;
     for (const auto& c : rig_.cameras) expected += (expected.empty() ? "" : ", ") + c.name;
-    reject("camera \"" + name + "\" is not in the rig file; expected one of " + expected);
+    reject("camera " + in_quotes(name) + " is not in the rig file; expected one of " + expected);
   }
 
-  double number(Column column, const std::vector<std::string>& cells) const {
-    const std::string& text = cells[*place_[column]];
-    const char* begin = text.data() + text.starts_with('+');
+  HostTime time(const std::vector<std::string>& cells) const {
+    const auto value = parse_time(cells[*place_[time_s]]);
+    if (!value || std::chrono::abs(value->time_since_epoch()) > most_time)
+      expect(time_s, "a number of seconds from -4e+09 to 4e+09", cells);
+    return *value;
+  }
+
+  double number(Column column, const NumberRange& range,
+                const std::vector<std::string>& cells) const {
+    std::string_view text = cells[*place_[column]];
+    if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
     double value = 0.0;
-    const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
-      expect(column, "a finite number", cells);
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() || !range.holds(value))
+      expect(column, range.text, cells);
     return value;
   }
 
   [[noreturn]] void expect(Column column, const std::string& what,
                            const std::vector<std::string>& cells) const {
-    reject(std::string(column_names[column]) + " must be " + what + ", got \"" +
-           cells[*place_[column]] + "\"");
+    reject(std::string(column_names[column]) + " must be " + what + ", got " +
+           in_quotes(cells[*place_[column]]));
   }
 
+  /// A file pasted twice would count each sighting twice, and promise too small a sigma.
   void check_unique(const SightingRow& row) {
-    const auto time = row.sighting.time.time_since_epoch().count();
-    if (!row.throw_id.empty() && !seen_.emplace(row.throw_id, row.sighting.camera, time).second)
-      reject("camera \"" + rig_.cameras[row.sighting.camera].name + "\" sees throw \"" +
-             row.throw_id + "\" twice at one time; expected one row a frame");
+    if (row.throw_id.empty()) return;  // several blobs a frame
+    const auto [first, is_new] =
+        line_of_.emplace(std::tuple(row.throw_id, row.sighting.camera, row.sighting.time), line_);
+    if (!is_new)
+      reject("camera \"" + rig_.cameras[row.sighting.camera].name + "\" sees throw " +
+             in_quotes(row.throw_id) + " at this time in line " + std::to_string(first->second) +
+             " already; expected one row a frame");
   }
 
   const std::string& name_;
   const RigDescription& rig_;
   std::vector<SightingRow> rows_;
   std::array<std::optional<std::size_t>, columns> place_{};
-  std::set<std::tuple<ThrowId, CameraId, std::int64_t>> seen_;
+  std::map<std::tuple<ThrowId, CameraId, HostTime>, std::size_t> line_of_;
   std::size_t line_ = 0, width_ = 0;
   bool has_header_ = false;
 };
@@ -168,6 +191,18 @@ std::string quoted_if_needed(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
   return out + '"';
+}
+
+/// Rows in an order of their own, whatever that of the file: the same rows make the same throws.
+std::vector<const SightingRow*> in_order(const std::vector<SightingRow>& rows) {
+  std::vector<const SightingRow*> out;
+  for (const SightingRow& row : rows) out.push_back(&row);
+  std::ranges::stable_sort(out, {}, [](const SightingRow* row) {
+    const BallSighting& s = row->sighting;
+    return std::tuple(s.time, s.camera, std::string_view(row->throw_id), s.center_px.x(),
+                      s.center_px.y());
+  });
+  return out;
 }
 
 std::string fixed(double value, int decimals) {
@@ -192,36 +227,29 @@ std::vector<SightingRow> read_sightings(const std::filesystem::path& file,
 std::vector<Throw> labelled_throws(const std::vector<SightingRow>& rows) {
   std::vector<Throw> throws;
   std::map<ThrowId, std::size_t> place;
-  for (const SightingRow& row : rows) {
-    if (row.throw_id.empty()) continue;
-    const auto [at, is_new] = place.emplace(row.throw_id, throws.size());
-    if (is_new) throws.push_back({row.throw_id, {}});
+  for (const SightingRow* row : in_order(rows)) {
+    if (row->throw_id.empty()) continue;
+    const auto [at, is_new] = place.emplace(row->throw_id, throws.size());
+    if (is_new) throws.push_back({row->throw_id, {}});
     auto& tracks = throws[at->second].tracks;
-    auto track = std::ranges::find(tracks, row.sighting.camera, &Track::camera);
-    if (track == tracks.end()) track = tracks.insert(track, {row.sighting.camera, {}});
-    track->sightings.push_back(row.sighting);
+    auto track = std::ranges::find(tracks, row->sighting.camera, &Track::camera);
+    if (track == tracks.end()) track = tracks.insert(track, {row->sighting.camera, {}});
+    track->sightings.push_back(row->sighting);
   }
-  for (Throw& thrown : throws) {
-    std::ranges::sort(thrown.tracks, {}, &Track::camera);
-    for (Track& track : thrown.tracks)
-      std::ranges::stable_sort(track.sightings, {}, &BallSighting::time);
-  }
+  for (Throw& thrown : throws) std::ranges::sort(thrown.tracks, {}, &Track::camera);
   return throws;
 }
 
 std::vector<FrameSightings> unlabelled_frames(const std::vector<SightingRow>& rows) {
-  std::map<std::pair<HostTime, CameraId>, FrameSightings> frames;
-  for (const SightingRow& row : rows) {
-    if (!row.throw_id.empty()) continue;
-    const BallSighting& s = row.sighting;
-    FrameSightings& frame = frames[{s.time, s.camera}];
-    frame.camera = s.camera;
-    frame.time = s.time;
-    frame.sightings.push_back(s);
+  std::vector<FrameSightings> frames;
+  for (const SightingRow* row : in_order(rows)) {
+    if (!row->throw_id.empty()) continue;
+    const BallSighting& s = row->sighting;
+    if (frames.empty() || frames.back().time != s.time || frames.back().camera != s.camera)
+      frames.push_back({s.camera, s.time, {}});
+    frames.back().sightings.push_back(s);
   }
-  std::vector<FrameSightings> out;
-  for (auto& [key, frame] : frames) out.push_back(std::move(frame));
-  return out;
+  return frames;
 }
 
 std::string to_sightings_csv(const std::vector<SightingRow>& rows, const RigDescription& rig) {

@@ -20,14 +20,14 @@ struct SightingRow {
 /// Reads a sightings file (CSV, see the contract): columns in any order, `radius_px` and `throw`
 /// optional, CRLF or LF. Times keep their nanoseconds, seconds since 1970 included. A sighting's
 /// covariance is the rig's sigma_px, 1 px where the rig doesn't say. Throws InputError:
-/// `sightings.csv:7: u_px must be a finite number, got "12,5"`.
+/// `sightings.csv:7: u_px must be a number of pixels from -640 to 1280, got "12,5"`.
 std::vector<SightingRow> read_sightings(const std::filesystem::path& file,
                                         const RigDescription& rig);
 std::vector<SightingRow> parse_sightings(std::string_view csv, const std::string& name,
                                          const RigDescription& rig);
 
-/// The labelled rows: a throw a label, in order of first appearance, a track a camera, sorted by
-/// time.
+/// The labelled rows: a throw a label, a track a camera, all sorted by time, whatever the order of
+/// the rows.
 std::vector<Throw> labelled_throws(const std::vector<SightingRow>& rows);
 
 /// The rows without a label, one entry a camera and frame time, ordered by time and camera.

@@ -15,6 +15,8 @@ RigDescription two_cameras() {
   rig.cameras[0].name = "north";
   rig.cameras[1].name = "east";
   rig.cameras[1].sigma_px = 0.5;
+  for (CameraDescription& camera : rig.cameras)
+    camera.model.width_px = 640, camera.model.height_px = 480;
   return rig;
 }
 
@@ -70,16 +72,32 @@ TEST(SightingsFile, EveryErrorNamesFileLineColumnAndExpectation) {
       {header + "\nsouth,0,1,1,\n",
        "s.csv:3: camera \"south\" is not in the rig file; expected one of north, east"},
       {header + "north,0,1\n", "s.csv:2: expected 5 columns as in the header, got 3"},
-      {header + "north,now,1,1,\n", "s.csv:2: time_s must be a number of seconds, got \"now\""},
-      {header + "north,1e300,1,1,\n", "s.csv:2: time_s must be a number of seconds, got \"1e300\""},
-      {header + "north,0,nan,1,\n", "s.csv:2: u_px must be a finite number, got \"nan\""},
-      {header + "north,0,1,1e999,\n", "s.csv:2: v_px must be a finite number, got \"1e999\""},
-      {header + "north,0,1,0x10,\n", "s.csv:2: v_px must be a finite number, got \"0x10\""},
-      {header + "north,0,\"1,5\",1,\n", "s.csv:2: u_px must be a finite number, got \"1,5\""},
+      {header + "north,now,1,1,\n",
+       "s.csv:2: time_s must be a number of seconds from -4e+09 to 4e+09, got \"now\""},
+      {header + "north,1e300,1,1,\n",
+       "s.csv:2: time_s must be a number of seconds from -4e+09 to 4e+09, got \"1e300\""},
+      {header + "north,0,nan,1,\n",
+       "s.csv:2: u_px must be a number of pixels from -640 to 1280, got \"nan\""},
+      {header + "north,0,1,1e999,\n",
+       "s.csv:2: v_px must be a number of pixels from -480 to 960, got \"1e999\""},
+      {header + "north,0,1,0x10,\n",
+       "s.csv:2: v_px must be a number of pixels from -480 to 960, got \"0x10\""},
+      {header + "north,0,\"1,5\",1,\n",
+       "s.csv:2: u_px must be a number of pixels from -640 to 1280, got \"1,5\""},
       {"camera,time_s,u_px,v_px,radius_px\nnorth,0,1,1,0\n",
-       "s.csv:2: radius_px must be a positive number, got \"0\""},
+       "s.csv:2: radius_px must be a number of pixels from 0.01 to 1120, got \"0\""},
       {header + "north,0,1,1,a\neast,0,1,1,a\nnorth,0.0,2,2,a\n",
-       "s.csv:4: camera \"north\" sees throw \"a\" twice at one time; expected one row a frame"},
+       "s.csv:4: camera \"north\" sees throw \"a\" at this time in line 2 already; expected one "
+       "row a "
+       "frame"},
+      {header + "north,4000000001,1,1,\n",
+       "s.csv:2: time_s must be a number of seconds from -4e+09 to 4e+09, got \"4000000001\""},
+      {header + "north,0,+-1,1,\n",
+       "s.csv:2: u_px must be a number of pixels from -640 to 1280, got \"+-1\""},
+      {header + "north,0,1,961,\n",
+       "s.csv:2: v_px must be a number of pixels from -480 to 960, got \"961\""},
+      {header + std::string("no\0th,0,1,1,\n", 13),
+       "s.csv:2: camera \"no\\x00th\" is not in the rig file; expected one of north, east"},
   };
   for (const auto& [csv, message] : cases) EXPECT_EQ(error_of(csv), message);
 }
@@ -89,23 +107,24 @@ TEST(SightingsFile, LabelledRowsBecomeThrowsWithATrackACameraSortedByTime) {
       parsed("camera,time_s,u_px,v_px,throw\neast,0.2,1,1,b\nnorth,0.3,1,1,a\nnorth,0.1,1,1,a\n"
              "east,0.1,1,1,a\nnorth,9,1,1,\n"));
   ASSERT_EQ(throws.size(), 2u);
-  EXPECT_EQ(throws[0].id, "b");
-  EXPECT_EQ(throws[1].id, "a");
-  ASSERT_EQ(throws[1].tracks.size(), 2u);
-  EXPECT_EQ(throws[1].tracks[0].camera, 0u);
-  ASSERT_EQ(throws[1].tracks[0].sightings.size(), 2u);
-  EXPECT_EQ(throws[1].tracks[0].sightings[0].id, 3u);
-  EXPECT_EQ(throws[1].tracks[0].sightings[1].id, 2u);
+  EXPECT_EQ(throws[0].id, "a");
+  EXPECT_EQ(throws[1].id, "b");
+  ASSERT_EQ(throws[0].tracks.size(), 2u);
+  EXPECT_EQ(throws[0].tracks[0].camera, 0u);
+  ASSERT_EQ(throws[0].tracks[0].sightings.size(), 2u);
+  EXPECT_EQ(throws[0].tracks[0].sightings[0].id, 3u);
+  EXPECT_EQ(throws[0].tracks[0].sightings[1].id, 2u);
 }
 
 TEST(SightingsFile, UnlabelledRowsOfOneCameraAndTimeAreOneFrame) {
   const auto frames =
       unlabelled_frames(parsed("camera,time_s,u_px,v_px,throw\neast,0.2,1,1,\nnorth,0.1,1,1,\neast,"
-                               "0.2,5,5,\nnorth,0,1,1,a\n"));
+                               "0.2,0.5,5,\nnorth,0,1,1,a\n"));
   ASSERT_EQ(frames.size(), 2u);
   EXPECT_EQ(frames[0].camera, 0u);
   EXPECT_EQ(frames[1].camera, 1u);
-  EXPECT_EQ(frames[1].sightings.size(), 2u);
+  ASSERT_EQ(frames[1].sightings.size(), 2u);
+  EXPECT_EQ(frames[1].sightings[0].id, 3u);  // in an order that is not the file's
 }
 
 TEST(SightingsFile, WhatIsWrittenIsReadBack) {
