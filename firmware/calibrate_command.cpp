@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "capture/camera_factory.h"
+#include "capture/quotation.h"
 #include "capture/rig.h"
 #include "firmware/calibration_table.h"
 #include "firmware/cameras.h"
@@ -12,6 +13,7 @@
 #include "firmware/export.h"
 #include "firmware/input_error.h"
 #include "firmware/progress_bar.h"
+#include "firmware/sightings_check.h"
 #include "firmware/sightings_file.h"
 #include "firmware/text_file.h"
 #include "firmware/throw_search.h"
@@ -34,6 +36,7 @@ struct Recording {
 
 Recording read_sightings_recording(const Config& config, const std::string& file) {
   const std::vector<SightingRow> rows = read_sightings(file, config.rig);
+  check_usable(rows, config.rig, file);
   Recording out;
   for (const SightingRow& row : rows) out.sightings.push_back(row.sighting);
   out.throws = labelled_throws(rows);
@@ -61,7 +64,8 @@ std::unique_ptr<Camera> open_video(const std::string& video, const Config& confi
   const auto& cameras = config.rig.cameras;
   const auto found = std::ranges::find(cameras, name, &CameraDescription::name);
   if (found == cameras.end())
-    throw InputError("--video " + video + ": camera \"" + name + "\" is not in the rig file");
+    throw InputError("--video " + video + ": camera " + in_quotes(name) +
+                     " is not in the rig file");
   CameraSource source;
   source.id = static_cast<CameraId>(found - cameras.begin());
   source.name = name;
@@ -81,6 +85,9 @@ std::vector<std::unique_ptr<Camera>> open_videos(const std::vector<std::string>&
       throw InputError("--video " + video + ": camera \"" + cameras.back()->name() +
                        "\" has a video already");
   }
+  if (cameras.size() < 2)
+    throw InputError("--video: camera \"" + cameras.front()->name() +
+                     "\" is alone; expected the videos of two cameras or more");
   return cameras;
 }
 
@@ -125,12 +132,13 @@ CalibrateSettings settings_of(const CalibrateOptions& options, const Config& con
 int run(const CalibrateOptions& options) {
   Config config = read_config(options.rig);
   if (!options.videos.empty()) assume_detector_errors(config.rig);
-  for (const std::string& warning : config.warnings)
-    std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   CalibrateSettings settings = settings_of(options, config);
   const Recording recording = options.videos.empty()
                                   ? read_sightings_recording(config, options.sightings)
                                   : read_videos(config, options.videos);
+  for (const std::string& warning :
+       config.warnings)  // of an unusable input, only the error is told
+    std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   Calibration result;
   {
     ProgressBar bar("calibrating");
