@@ -59,8 +59,9 @@ class Reader {
     for (const Json& item : value_) out.emplace_back(item, place_);
     return out;
   }
-  [[noreturn]] void expect(const std::string& what) const {
-    throw InputError(place_ + " must be " + what + ", got " + shown());
+  [[noreturn]] void expect(const std::string& what) const { expect(what, shown()); }
+  [[noreturn]] void expect(const std::string& what, const std::string& got) const {
+    throw InputError(place_ + " must be " + what + ", got " + got);
   }
 
  private:
@@ -79,7 +80,8 @@ std::optional<Rigid> read_pose(const Reader& T) {
   const auto t = T["translation_m"].numbers(3);
   const auto q = T["quaternion_wxyz"].numbers(4);
   const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
-  if (std::abs(rotation.norm() - 1.0) > 1e-3) T["quaternion_wxyz"].expect("of length 1");
+  const double length = rotation.norm();
+  if (std::abs(length - 1.0) > 1e-3) T["quaternion_wxyz"].expect("of length 1", shortest(length));
   return Rigid{rotation.normalized().toRotationMatrix(), {t[0], t[1], t[2]}};
 }
 

@@ -155,8 +155,7 @@ TEST(Guess, SaysWhatIsMissing) {
       "got -11");
   document["cameras"][0]["T_world_cam"]["quaternion_wxyz"] = {2, 0, 0, 0};
   EXPECT_EQ(error_for("north", document),
-            "guess.json: camera \"north\" T_world_cam quaternion_wxyz must be of length 1, got 4 "
-            "values");
+            "guess.json: camera \"north\" T_world_cam quaternion_wxyz must be of length 1, got 2");
   document["throws"] = nullptr;
   document["cameras"][1]["name"] = "north";
   document["cameras"][0]["T_world_cam"] = nullptr;
