@@ -6,13 +6,12 @@
 
 #include "capture/quotation.h"
 #include "firmware/input_error.h"
-#include "firmware/text_file.h"
 
 namespace throwcal {
 namespace {
 
 constexpr std::size_t least_sightings = 5;
-constexpr double longest_flight_s = 20.0;  ///< 490 m high
+constexpr std::chrono::seconds longest_flight(20);  ///< 490 m high
 
 void check_cameras(const std::vector<SightingRow>& rows, const RigDescription& rig,
                    const std::string& name) {
@@ -30,9 +29,10 @@ void check_duration(const Throw& thrown, const std::string& name) {
     first = std::min(first, track.sightings.front().time);
     last = std::max(last, track.sightings.back().time);
   }
-  if (seconds(last - first) > longest_flight_s)
+  if (last - first > longest_flight)
     throw InputError(name + ": throw " + in_quotes(thrown.id) + " lasts " +
-                     shortest(seconds(last - first)) + " s; expected one flight, 20 s at most");
+                     std::to_string(std::chrono::ceil<std::chrono::seconds>(last - first).count()) +
+                     " s; expected one flight, 20 s at most");
 }
 
 void check_longest(const std::vector<Throw>& throws, const RigDescription& rig,

@@ -67,7 +67,7 @@ TEST(SightingsCheck, WantsThrowsNoLongerThanAFlight) {
   EXPECT_EQ(error_of(rows), "no error");
   rows.back().throw_id = "a";
   rows.back().sighting.time = HostTime(std::chrono::milliseconds(20'500));
-  EXPECT_EQ(error_of(rows), "s.csv: throw \"a\" lasts 20.5 s; expected one flight, 20 s at most");
+  EXPECT_EQ(error_of(rows), "s.csv: throw \"a\" lasts 21 s; expected one flight, 20 s at most");
 }
 
 }  // namespace
