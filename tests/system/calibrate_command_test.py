@@ -35,10 +35,11 @@ def sightings_become_a_calibration(build, folder) -> None:
 
 
 def too_little_is_said_with_status_3(build, folder) -> None:
-    lines = (folder / "sightings.csv").read_text().splitlines()
-    few = folder / "few.csv"
-    few.write_text("\n".join(lines[:1] + [line for line in lines[1:] if line.endswith(",1") and line.startswith("cam1")]) + "\n")
-    output = folder / "few.json"
+    """Two cameras that saw one short throw: a calibration can begin, and says what it lacks."""
+    header, *rows = (folder / "sightings.csv").read_text().splitlines()
+    first = [row for row in rows if row.endswith(",1")]
+    few, output = folder / "few.csv", folder / "few.json"
+    few.write_text("\n".join([header, *(row for camera in ("cam1", "cam2") for row in [r for r in first if r.startswith(camera)][:6])]) + "\n")
     done = run(build, "calibrate", "--rig", folder / "rig.toml", "--sightings", few, "--output", output)
     document = json.loads(output.read_text())
     assert done.returncode == 3 and document["verdict"] == "unobservable" and document["reasons"], (done, document)
