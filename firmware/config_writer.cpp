@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cstdio>
 #include <sstream>
 
 #include "firmware/config.h"
@@ -11,8 +12,11 @@ namespace {
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    char escaped[8];
+    std::snprintf(escaped, sizeof escaped, "\\u%04X", byte);
     if (c == '"' || c == '\\') out += '\\';
-    out += c;
+    out += byte < 0x20 || byte == 0x7F ? escaped : std::string(1, c);
   }
   return out + '"';
 }

@@ -17,7 +17,9 @@ constexpr double width_px = 960, margin_px = 70;
 constexpr double azimuth_rad = -1.05,
                  elevation_rad = 0.5;  // of the viewer, seen from the middle of the rig
 constexpr double pyramid_m = 0.45;     // depth of the pyramid that stands for a camera
-constexpr double flight_step_s = 0.02;
+constexpr double flight_step_s = 0.02, longest_flight_s = 20.0;
+/// What is farther from the origin is left out: a solution that is not determined may be anywhere.
+constexpr double horizon_m = 1000.0;
 constexpr std::array colours{"#d1495b", "#edae49", "#3a7d44", "#30638e",
                              "#7b4b94", "#00798c", "#c05746", "#6a8e23"};
 
@@ -37,14 +39,24 @@ std::string escaped(const std::string& raw) {
   return out;
 }
 
+bool is_near(const Eigen::Vector3d& p) {
+  return p.allFinite() && p.cwiseAbs().maxCoeff() < horizon_m;
+}
+
 Points flight_points(const ThrowEstimate& thrown, const Calibration& c) {
   Points out;
-  const double duration_s = seconds(thrown.end - thrown.start);
-  for (double t = 0; t < duration_s + flight_step_s; t += flight_step_s)
-    out.push_back(fly({thrown.position_world_m, thrown.velocity_world_mps}, std::min(t, duration_s),
-                      {0, 0, -c.gravity_mps2}, c.drag_per_m)
-                      .position_m);
+  const double duration_s = std::min(seconds(thrown.end - thrown.start), longest_flight_s);
+  for (double t = 0; t < duration_s + flight_step_s; t += flight_step_s) {
+    const BallState ball = fly({thrown.position_world_m, thrown.velocity_world_mps},
+                               std::min(t, duration_s), {0, 0, -c.gravity_mps2}, c.drag_per_m);
+    if (!is_near(ball.position_m)) break;
+    out.push_back(ball.position_m);
+  }
   return out;
+}
+
+bool is_drawn(const CameraCalibration& camera) {
+  return camera.T_world_cam && is_near(camera.T_world_cam->translation);
 }
 
 /// Apex at the camera's centre, then the four corners of what it sees (a nominal 60 by 45 degrees).
@@ -139,7 +151,7 @@ std::string to_svg(const Calibration& calibration) {
     everything.insert(everything.end(), flights.back().begin(), flights.back().end());
   }
   for (const CameraCalibration& camera : calibration.cameras)
-    if (camera.T_world_cam) {
+    if (is_drawn(camera)) {
       const Points p = pyramid_points(*camera.T_world_cam);
       everything.insert(everything.end(), p.begin(), p.end());
     }
@@ -167,7 +179,7 @@ std::string to_svg(const Calibration& calibration) {
       drawing.dot(flights[j][i], 3.2, "fill=\"" + colour + "\"");
   }
   for (const CameraCalibration& camera : calibration.cameras)
-    if (camera.T_world_cam) draw_camera(drawing, camera, low.z());
+    if (is_drawn(camera)) draw_camera(drawing, camera, low.z());
   return drawing.svg();
 }
 

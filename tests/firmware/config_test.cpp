@@ -190,7 +190,7 @@ TEST(Config, SixtyFourCamerasAreEnough) {
 TEST(Config, WhatIsWrittenIsReadBack) {
   Config config = parsed(
       "[site]\ngravity_mps2 = 9.80123\n[target]\nposition_m = 0.01\n[timing]\noffsets = \"none\"\n"
-      "[daemon]\nlisten = \"[::1]:1234\"\nunit = \"box \\\"7\\\"\"\n[simulation]\nseed = 9\n" +
+      "[daemon]\nlisten = \"[::1]:1234\"\nunit = \"box \\\"7\\\"\\n\"\n[simulation]\nseed = 9\n" +
       north + east);
   const Config back = parse_config(to_toml(config), "back.toml");
   EXPECT_EQ(to_toml(back), to_toml(config));
@@ -199,7 +199,7 @@ TEST(Config, WhatIsWrittenIsReadBack) {
   EXPECT_FALSE(back.rig.estimate_offsets);
   EXPECT_EQ(back.listen.host, "::1");
   EXPECT_EQ(back.listen.port, 1234);
-  EXPECT_EQ(back.unit, "box \"7\"");
+  EXPECT_EQ(back.unit, "box \"7\"\n");
   EXPECT_EQ(back.simulation.seed, 9u);
   EXPECT_EQ(back.rig.cameras[1].sigma_common_px, 0.02);
   EXPECT_EQ(back.rig.cameras[1].model.distortion, config.rig.cameras[1].model.distortion);

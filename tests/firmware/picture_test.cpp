@@ -36,5 +36,21 @@ TEST(Picture, ACalibrationWithoutPosesIsAnEmptySheetAndNamesAreEscaped) {
   EXPECT_EQ(count(to_svg(named), "a&lt;b&amp;c"), 1);
 }
 
+TEST(Picture, WhatIsBeyondTheHorizonIsLeftOut) {
+  Calibration calibration;
+  for (const double x : {0.0, 1e300})
+    calibration.cameras.push_back({.name = x > 0 ? "far" : "near",
+                                   .T_world_cam = Rigid{Eigen::Matrix3d::Identity(), {x, 0, 0}},
+                                   .covariance = {},
+                                   .sigma_time_offset_s = {}});
+  ThrowEstimate endless;
+  endless.end = HostTime(std::chrono::hours(1'000'000));
+  calibration.throws = {endless};
+  const std::string svg = to_svg(calibration);
+  EXPECT_EQ(count(svg, ">near<"), 1);
+  EXPECT_EQ(count(svg, ">far<"), 0);
+  EXPECT_LT(svg.size(), 1'000'000u);
+}
+
 }  // namespace
 }  // namespace throwcal
