@@ -170,6 +170,7 @@ def bad_rigs(site: Site) -> None:
         "offsets = true": (rig.replace('offsets = "estimate"', "offsets = true"), ('[timing] offsets must be "estimate" or "none", got true',)),
         "duplicate key": (rig.replace("[ball]\n", "[ball]\ndrag = \"none\"\n"), ("not TOML: ",)),
         "not TOML": ("[site\n" + rig, (":1: not TOML: ",)),
+        "a table without a name": ("[.a]\n" + rig, (":1: not TOML: ",)),
         "binary junk": (bytes(range(256)), (":1: not TOML: ",)),
         "NUL bytes": (rig.replace("fx_px", "\0", 1), ("not TOML: ",)),
         "huge line": ("x" * 5_000_000, (":1: not TOML: ",)),
