@@ -166,6 +166,23 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
     EXPECT_TRUE(error_of(bad).starts_with("rig.toml:1: not TOML: ")) << error_of(bad);
 }
 
+TEST(Config, ALetterThatNoKeyHasIsRefused) {
+  const auto utf8 = [](int code) {
+    std::string out;
+    if (code >= 0x800) out += static_cast<char>(0xE0 | code >> 12);
+    out += static_cast<char>(code >= 0x800 ? 0x80 | (code >> 6 & 63) : 0xC0 | code >> 6);
+    return out + static_cast<char>(0x80 | (code & 63));
+  };
+  for (int code = 0x80; code < 0x10000; ++code) {
+    const std::string error = error_of(utf8(code) + " = 1\n");
+    // The few blanks and ends of lines among them make a file without a key, or a key without a
+    // name.
+    EXPECT_TRUE(error.starts_with("rig.toml:1: not TOML: ") ||
+                error.starts_with("rig.toml:2: not TOML: "))
+        << code << ": " << error;
+  }
+}
+
 TEST(Config, AKeyThatNobodyReadsIsAWarning) {
   const Config config =
       parsed("colour = 1\n[site]\ngravty = 3\n" + north + "exposure_s = 0.001\n" + east);
