@@ -10,6 +10,10 @@ struct BallState {
   Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
 };
 
+/// No throw is in the air for longer, and nothing is asked of a flight farther from its known state:
+/// integrating there would only take for ever.
+constexpr double max_flight_s = 30.0;
+
 /// A state after a step, and how it depends on what came before.
 /// d position / d position0 is the identity and d velocity / d position0 zero: no force depends on
 /// where the ball is.

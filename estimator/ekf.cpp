@@ -135,7 +135,9 @@ void Ekf::cross_covariance(int at) {
 void Ekf::update(const TimedSighting& sighting) {
   const std::size_t k = sighting.camera;
   const RigLayout::Camera& camera = layout_.camera(k);
-  predict(moment_s(rig_state_, sighting));
+  const double moment = moment_s(rig_state_, sighting);
+  if (!(std::abs(moment) <= max_flight_s)) return;  // an offset gone astray
+  predict(moment);
   if (!model_sighting(rig_state_, ball_, sighting, !camera.intrinsics.empty(), model_)) return;
   layout_.fill_jacobian(k, model_, camera_one_turns(rig_state_.T_world_cam[0]), J_camera_);
   const int at = ball_size + camera.start;

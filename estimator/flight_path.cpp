@@ -1,23 +1,85 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "estimator/flight_path.h"
 
+#include <cmath>
+#include <limits>
+
 namespace throwcal {
+namespace {
+
+constexpr double node_s = 0.025;
+
+/// A state further on, with the sensitivities to time 0 by the chain rule.
+Propagation further(const Propagation& from, const Propagation& step) {
+  return {step.state,
+          from.J_position_velocity0 + step.J_position_velocity0 * from.J_velocity_velocity0,
+          step.J_velocity_velocity0 * from.J_velocity_velocity0,
+          from.J_position_drag + step.J_position_velocity0 * from.J_velocity_drag +
+              step.J_position_drag,
+          step.J_velocity_velocity0 * from.J_velocity_drag + step.J_velocity_drag};
+}
+
+}  // namespace
+
+FlightPath::FlightPath(const BallState& at_zero, const Eigen::Vector3d& gravity_mps2,
+                       double drag_per_m, Wants wants, bool wants_drag_derivative)
+    : gravity_mps2_(gravity_mps2),
+      drag_per_m_(drag_per_m),
+      wants_(wants),
+      is_parabola_(drag_per_m == 0.0 && !(wants == Wants::sensitivities && wants_drag_derivative)),
+      now_{at_zero, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(),
+           Eigen::Vector3d::Zero()} {
+  for (auto& side : nodes_) side.push_back(now_);
+}
+
+const Propagation& FlightPath::node(int n) {
+  auto& side = nodes_[n < 0];
+  const double step_s = n < 0 ? -node_s : node_s;
+  while (static_cast<int>(side.size()) <= std::abs(n)) {
+    const Propagation& last = side.back();
+    if (wants_ == Wants::sensitivities) {
+      side.push_back(further(last, propagate(last.state, step_s, gravity_mps2_, drag_per_m_)));
+    } else {
+      Propagation next = last;
+      next.state = fly(last.state, step_s, gravity_mps2_, drag_per_m_);
+      side.push_back(next);
+    }
+  }
+  return side[std::abs(n)];
+}
+
+void FlightPath::interpolate(double time_s) {
+  const int n = static_cast<int>(std::floor(time_s / node_s));
+  node(n), node(n + 1);  // both first: making one may move the other
+  const Propagation &a = node(n), &b = node(n + 1);
+  const double u = time_s / node_s - n, v = 1 - u;
+  const double a0 = v * v * (1 + 2 * u), b0 = u * u * (1 + 2 * v);
+  const double a1 = node_s * u * v * v, b1 = -node_s * u * u * v;
+  const auto cubic = [&](const auto& pa, const auto& va, const auto& pb, const auto& vb) {
+    return a0 * pa + a1 * va + b0 * pb + b1 * vb;
+  };
+  now_.state.position_m =
+      cubic(a.state.position_m, a.state.velocity_mps, b.state.position_m, b.state.velocity_mps);
+  const double rate = 6 * u * v / node_s;
+  now_.state.velocity_mps = rate * (b.state.position_m - a.state.position_m) +
+                            v * (1 - 3 * u) * a.state.velocity_mps +
+                            u * (1 - 3 * v) * b.state.velocity_mps;
+  if (wants_ == Wants::state) return;
+  now_.J_position_velocity0 = cubic(a.J_position_velocity0, a.J_velocity_velocity0,
+                                    b.J_position_velocity0, b.J_velocity_velocity0);
+  now_.J_position_drag =
+      cubic(a.J_position_drag, a.J_velocity_drag, b.J_position_drag, b.J_velocity_drag);
+}
 
 const Propagation& FlightPath::at(double time_s) {
-  if (is_parabola_) {
-    now_.state = fly(at_zero_, time_s, gravity_mps2_, 0.0);
+  if (!(std::abs(time_s) <= max_flight_s)) {
+    now_.state.position_m.setConstant(std::numeric_limits<double>::quiet_NaN());
+  } else if (is_parabola_) {
+    now_.state = fly(nodes_[0][0].state, time_s, gravity_mps2_, 0.0);
     now_.J_position_velocity0 = time_s * Eigen::Matrix3d::Identity();
-    return now_;
+  } else {
+    interpolate(time_s);
   }
-  const Propagation step = propagate(now_.state, time_s - time_s_, gravity_mps2_, drag_per_m_);
-  // Chain rule, position before velocity: the first two need the velocity's derivative from before
-  // the step.
-  now_.J_position_velocity0 += step.J_position_velocity0 * now_.J_velocity_velocity0;
-  now_.J_position_drag += step.J_position_velocity0 * now_.J_velocity_drag + step.J_position_drag;
-  now_.J_velocity_drag = step.J_velocity_velocity0 * now_.J_velocity_drag + step.J_velocity_drag;
-  now_.J_velocity_velocity0 = step.J_velocity_velocity0 * now_.J_velocity_velocity0;
-  now_.state = step.state;
-  time_s_ = time_s;
   return now_;
 }
 

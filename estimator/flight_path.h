@@ -1,33 +1,37 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <array>
+#include <vector>
+
 #include "estimator/ballistics.h"
 
 namespace throwcal {
 
-/// One flight asked for at many times, with its sensitivities to the state at time 0. Times in
-/// nearly ascending order are cheap: each is reached from the one before.
+/// One flight asked for at many times in any order, with its sensitivities to the state at time 0.
+/// Integrated once, node by node as far as is asked for, and interpolated by cubics that meet
+/// positions and velocities at both ends (Hermite): under 10 nm off for a tennis ball, 0.1 um for
+/// table tennis at 12 m/s. Parabolas are exact.
 class FlightPath {
  public:
+  enum class Wants { state, sensitivities };
+
   /// `gravity` in the state's axes [m/s^2].
   FlightPath(const BallState& at_zero, const Eigen::Vector3d& gravity_mps2, double drag_per_m,
-             bool wants_drag_derivative)
-      : at_zero_(at_zero),
-        gravity_mps2_(gravity_mps2),
-        drag_per_m_(drag_per_m),
-        is_parabola_(drag_per_m == 0.0 && !wants_drag_derivative),
-        now_{at_zero, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(),
-             Eigen::Vector3d::Zero()} {}
+             Wants wants, bool wants_drag_derivative);
 
-  /// The ball at a time [s] from time 0, and its derivatives by velocity and drag. Valid until the
-  /// next call.
+  /// The ball at a time [s] from time 0 and, where wanted, its position's derivatives by velocity
+  /// and drag (not the velocity's). Not finite past max_flight_s. Valid until the next call.
   const Propagation& at(double time_s);
 
  private:
-  BallState at_zero_;
+  const Propagation& node(int n);  ///< at n * node_s
+  void interpolate(double time_s);
+
   Eigen::Vector3d gravity_mps2_;
   double drag_per_m_;
+  Wants wants_;
   bool is_parabola_;
-  double time_s_ = 0.0;
+  std::array<std::vector<Propagation>, 2> nodes_;  // ahead of time 0 and before it, both from it
   Propagation now_;
 };
 

@@ -161,13 +161,9 @@ PerSighting<Eigen::Vector2d> claimed_residuals(const RigDescription& rig,
   PerSighting<Eigen::Vector2d> out(throws.size());
   for (std::size_t j = 0; j < throws.size(); ++j) {
     out[j].reserve(throws[j].sightings.size());
-    BallState ball = at.balls[j];
-    double time_s = 0.0;
+    FlightPath path(at.balls[j], gravity, at.rig.drag_per_m, FlightPath::Wants::state, false);
     for (const TimedSighting& s : throws[j].sightings) {
-      const double moment = moment_s(at.rig, s);
-      if (moment != time_s) ball = fly(ball, moment - time_s, gravity, at.rig.drag_per_m);
-      time_s = moment;
-      const auto residual = residual_px(at.rig, ball, s);
+      const auto residual = residual_px(at.rig, path.at(moment_s(at.rig, s)).state, s);
       out[j].push_back(residual
                            ? Eigen::Vector2d(s.whitening * *residual)
                            : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
@@ -206,7 +202,7 @@ NormalEquations normal_equations(const RigDescription& rig, const std::vector<Ti
   for (std::size_t j = 0; j < throws.size(); ++j) {
     takes_part.assign(cameras, false);
     FlightPath path(at.balls[j], {0, 0, -rig.gravity_mps2}, at.rig.drag_per_m,
-                    rig.ball.estimate_drag);
+                    FlightPath::Wants::sensitivities, rig.ball.estimate_drag);
     for (std::size_t i = 0; i < throws[j].sightings.size(); ++i) {
       if (!weighting.used[j][i]) continue;
       const TimedSighting& s = throws[j].sightings[i];
