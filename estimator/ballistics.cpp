@@ -61,6 +61,7 @@ void advance(Eigen::Vector3d& position, Eigen::Matrix3d& J_position,
 }
 
 int step_count(double step_s) {
+  if (!(std::abs(step_s) <= 10 * max_flight_s)) return 1;  // no ball is followed that far
   return std::max(1, static_cast<int>(std::ceil(std::abs(step_s) / max_step_s - 1e-9)));
 }
 

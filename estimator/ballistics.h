@@ -10,8 +10,8 @@ struct BallState {
   Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
 };
 
-/// No throw is in the air for longer, and nothing is asked of a flight farther from its known state:
-/// integrating there would only take for ever.
+/// No throw is in the air for longer, and nothing is asked of a flight farther from its known
+/// state: integrating there would only take for ever.
 constexpr double max_flight_s = 30.0;
 
 /// A state after a step, and how it depends on what came before.

@@ -157,7 +157,7 @@ std::vector<double> squared_residuals(std::span<const TimedRay> rays, const Flig
   return out;
 }
 
-NormalEquations normal_equations(const RayProblem& problem, const FlightUnknowns& x, bool robust) {
+RayEquations normal_equations(const RayProblem& problem, const FlightUnknowns& x, bool robust) {
   const std::vector<Where> where = linearised(problem.rays, x);
   const Eigen::Matrix<double, 3, 2> tilt = x.gravity.norm() * tangents(x.gravity);
   // Of fixed size for speed; the columns of what is known stay zero and are left out at the end.
@@ -182,7 +182,7 @@ NormalEquations normal_equations(const RayProblem& problem, const FlightUnknowns
     gradient.noalias() += w * (J.transpose() * r);
   }
   const int n = x.count();
-  NormalEquations out{information.topLeftCorner(n, n), gradient.head(n)};
+  RayEquations out{information.topLeftCorner(n, n), gradient.head(n)};
   if (x.drags) {
     const double w = 1.0 / (problem.prior.sigma_drag * problem.prior.sigma_drag);
     out.information(n - 1, n - 1) += w;
@@ -248,7 +248,7 @@ std::optional<FlightUnknowns> linear_form(std::span<const TimedRay> rays,
 bool descend(const RayProblem& problem, FlightUnknowns& x) {
   double best = cost(problem, x), damping = 1e-6;
   for (int i = 0; i < max_steps && std::isfinite(best); ++i) {
-    const NormalEquations normal = normal_equations(problem, x, true);
+    const RayEquations normal = normal_equations(problem, x, true);
     bool better = false;
     double gain = 0.0;
     while (!better && damping < 1e6) {

@@ -41,13 +41,13 @@ struct RayProblem {
   FlightPrior prior;
 };
 
-struct NormalEquations {
+struct RayEquations {
   Eigen::MatrixXd information;
   Eigen::VectorXd gradient;
 };
 
 /// Normal equations about x; Huber's weights, or (for the covariance) all ones.
-NormalEquations normal_equations(const RayProblem& problem, const FlightUnknowns& x, bool robust);
+RayEquations normal_equations(const RayProblem& problem, const FlightUnknowns& x, bool robust);
 
 /// Whitened squared residual of each ray; infinite where the ball would be behind the ray.
 std::vector<double> squared_residuals(std::span<const TimedRay> rays, const FlightUnknowns& x);

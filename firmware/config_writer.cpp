@@ -39,6 +39,9 @@ void write_camera(std::ostream& out, const CameraDescription& camera, const std:
   if (camera.sigma_px) out << "\nsigma_px = " << shortest(*camera.sigma_px);
   if (camera.sigma_common_px != 0.0)
     out << "\nsigma_common_px = " << shortest(camera.sigma_common_px);
+  for (std::size_t i = 0; i < camera.estimate.size(); ++i)
+    out << (i ? ", " : "\nestimate = [") << quoted(name_of(camera.estimate[i], m.lens));
+  if (!camera.estimate.empty()) out << "]";
   if (!source.empty()) out << "\nsource = " << quoted(source);
   out << "\n";
 }

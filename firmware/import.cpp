@@ -96,6 +96,16 @@ std::optional<Matrix6d> read_covariance(const Reader& given) {
   return out;
 }
 
+std::vector<LensEstimate> read_lens(const Reader& given) {
+  if (given.is_null()) return {};
+  if (!given.json().is_object()) given.expect("an object, a lens number a key");
+  std::vector<LensEstimate> out;
+  for (const auto& [key, value] : given.json().items())
+    out.push_back({key, given[key]["value"].optional_number().value_or(0.0),
+                   given[key]["sigma"].optional_number().value_or(0.0)});
+  return out;
+}
+
 CameraCalibration read_camera(const Reader& listed, const std::string& name) {
   CameraCalibration out;
   out.name = listed["name"].text();
@@ -109,6 +119,36 @@ CameraCalibration read_camera(const Reader& listed, const std::string& name) {
       static_cast<int>(camera["sightings_used"].optional_number(sightings_count).value_or(0));
   out.sightings_rejected =
       static_cast<int>(camera["sightings_rejected"].optional_number(sightings_count).value_or(0));
+  out.lens = read_lens(camera["lens"]);
+  return out;
+}
+
+CameraId camera_named(const Reader& given, const std::vector<CameraCalibration>& cameras) {
+  const auto found = std::ranges::find(cameras, given.text(), &CameraCalibration::name);
+  if (found == cameras.end()) given.expect("the name of a camera in this file");
+  return static_cast<CameraId>(found - cameras.begin());
+}
+
+Eigen::Vector3d read_vector(const Reader& given) {
+  const auto numbers = given.numbers(3);
+  return {numbers[0], numbers[1], numbers[2]};
+}
+
+std::optional<NextThrow> read_next_throw(const Reader& given,
+                                         const std::vector<CameraCalibration>& cameras) {
+  if (given.is_null()) return {};
+  const auto sigma = [&](const char* key) { return given[key].optional_number().value_or(0.0); };
+  NextThrow out;
+  out.position_world_m = read_vector(given["position_m"]);
+  out.velocity_world_mps = read_vector(given["velocity_mps"]);
+  for (const Reader& seen_by : given["cameras"].items())
+    out.cameras.push_back(camera_named(seen_by, cameras));
+  out.camera = camera_named(given["camera"], cameras);
+  out.sigma_position_m = sigma("sigma_position_m");
+  out.sigma_rotation_rad = sigma("sigma_rotation_rad");
+  out.expected_sigma_position_m = sigma("expected_sigma_position_m");
+  out.expected_sigma_rotation_rad = sigma("expected_sigma_rotation_rad");
+  out.text = given["text"].text();
   return out;
 }
 
@@ -119,16 +159,12 @@ ThrowEstimate read_throw(const Reader& listed, const std::string& name,
   const Reader thrown(listed.json(), name + ": throw " + in_quotes(out.id));
   out.start = HostTime(from_seconds(thrown["start_s"].number(time_s)));
   out.end = HostTime(from_seconds(thrown["end_s"].number(time_s)));
-  const auto p = thrown["position_m"].numbers(3), v = thrown["velocity_mps"].numbers(3);
-  out.position_world_m = {p[0], p[1], p[2]};
-  out.velocity_world_mps = {v[0], v[1], v[2]};
+  out.position_world_m = read_vector(thrown["position_m"]);
+  out.velocity_world_mps = read_vector(thrown["velocity_mps"]);
   out.reprojection_rms_px = thrown["reprojection_rms_px"].optional_number().value_or(0.0);
   if (thrown["cameras"].is_null()) return out;  // a truth file need not say who saw it
-  for (const Reader& seen_by : thrown["cameras"].items()) {
-    const auto found = std::ranges::find(cameras, seen_by.text(), &CameraCalibration::name);
-    if (found == cameras.end()) thrown["cameras"].expect("names of cameras in this file");
-    out.cameras.push_back(static_cast<CameraId>(found - cameras.begin()));
-  }
+  for (const Reader& seen_by : thrown["cameras"].items())
+    out.cameras.push_back(camera_named(seen_by, cameras));
   return out;
 }
 
@@ -175,6 +211,7 @@ Calibration to_calibration(const Json& document, const std::string& name) {
   if (!whole["throws"].is_null())
     for (const Reader& thrown : whole["throws"].items())
       out.throws.push_back(read_throw(thrown, name, out.cameras));
+  out.next_throw = read_next_throw(whole["next_throw"], out.cameras);
   return out;
 }
 
@@ -204,7 +241,9 @@ const CameraCalibration& guessed(const std::vector<CameraCalibration>& cameras,
 }  // namespace
 
 Guess to_guess(const Json& document, const RigDescription& rig, const std::string& name) {
-  const Calibration calibration = to_calibration(document, name);
+  Json poses = document;
+  if (poses.is_object()) poses.erase("next_throw");  // a guess cut by hand need not keep it whole
+  const Calibration calibration = to_calibration(poses, name);
   Guess guess;
   guess.drag_per_m = calibration.drag_per_m;
   check(guess.drag_per_m, drag_per_m, name + ": drag_per_m");

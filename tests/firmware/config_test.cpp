@@ -33,6 +33,7 @@ distortion = [0.1, 0.2, 0.3, 0.4]
 row_time_s = 1e-5
 sigma_px = 0.25
 sigma_common_px = 0.02
+estimate = ["fx_px", "k3", "row_time_s"]
 source = "video:clip.mkv"
 )";
 
@@ -67,6 +68,8 @@ TEST(Config, ReadsEveryKeyOfACamera) {
   EXPECT_EQ(camera.model.cy_px, 240.0);
   EXPECT_EQ(camera.model.skew_px, 0.5);
   EXPECT_EQ(camera.model.distortion, (std::array<double, 5>{0.1, 0.2, 0.3, 0.4, 0.0}));
+  EXPECT_EQ(camera.estimate,
+            (std::vector<Intrinsic>{Intrinsic::fx, Intrinsic::d2, Intrinsic::row_time}));
   EXPECT_EQ(camera.model.row_time_s, 1e-5);
   EXPECT_EQ(camera.sigma_px, 0.25);
   EXPECT_EQ(camera.sigma_common_px, 0.02);
@@ -125,6 +128,12 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
        "rig.toml:2: camera 1: name must be 1 to 32 of the letters A-Z a-z 0-9 _ -, got \"no rth\""},
       {north_with("name = \"east\"", "name = \"north\""),
        "rig.toml:11: camera 2: name must be unique among the cameras, got \"east\""},
+      {north_with("cy_px = 359.5\nestimate = [\"k4\"]", "cy_px = 359.5"),
+       "rig.toml:10: camera \"north\": estimate must be a list of some of fx_px, fy_px, cx_px, "
+       "cy_px, "
+       "skew_px, k1, k2, p1, p2, k3, row_time_s, each once, got 1 values"},
+      {north_with("cy_px = 359.5\nestimate = [1]", "cy_px = 359.5"),
+       "rig.toml:10: camera \"north\": estimate must be a list of texts, got 1 values"},
       {north_with("cy_px = 359.5\ndistortion = [0.1]", "cy_px = 359.5"),
        "rig.toml:10: camera \"north\": distortion must be 4 or 5 numbers (k1, k2, p1, p2, k3) for "
        "a "
@@ -221,6 +230,7 @@ TEST(Config, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(back.simulation.seed, 9u);
   EXPECT_EQ(back.rig.cameras[1].sigma_common_px, 0.02);
   EXPECT_EQ(back.rig.cameras[1].model.distortion, config.rig.cameras[1].model.distortion);
+  EXPECT_EQ(back.rig.cameras[1].estimate, config.rig.cameras[1].estimate);
 }
 
 TEST(Address, IsAHostWithOrWithoutAPort) {

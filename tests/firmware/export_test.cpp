@@ -41,6 +41,9 @@ Calibration sample() {
   thrown.position_world_m = {1, 2, 3};
   thrown.cameras = {1};
   c.throws = {thrown};
+  c.cameras[0].lens = {{"fx_px", 903.5, 0.4}, {"k1", -0.21, 0.003}};
+  c.next_throw = NextThrow{
+      {1, 2, 0.5}, {-1, 2, 4}, {0, 1}, 1, 0.007, 0.003, 0.004, 0.001, "throw from 1.0 m ahead"};
   return c;
 }
 
@@ -104,6 +107,16 @@ TEST(Export, ADocumentReadBackIsTheSameCalibration) {
   EXPECT_EQ(after.throws[0].end, before.throws[0].end);
   EXPECT_EQ(after.throws[0].position_world_m, before.throws[0].position_world_m);
   EXPECT_EQ(after.throws[0].cameras, before.throws[0].cameras);
+  ASSERT_EQ(after.cameras[0].lens.size(), 2u);
+  EXPECT_EQ(after.cameras[0].lens[1].name, "k1");
+  EXPECT_EQ(after.cameras[0].lens[1].value, -0.21);
+  EXPECT_EQ(after.cameras[0].lens[1].sigma, 0.003);
+  ASSERT_TRUE(after.next_throw);
+  EXPECT_EQ(after.next_throw->cameras, before.next_throw->cameras);
+  EXPECT_EQ(after.next_throw->camera, 1u);
+  EXPECT_EQ(after.next_throw->velocity_world_mps, before.next_throw->velocity_world_mps);
+  EXPECT_EQ(after.next_throw->expected_sigma_rotation_rad, 0.001);
+  EXPECT_EQ(after.next_throw->text, "throw from 1.0 m ahead");
 }
 
 TEST(Guess, FollowsTheRigsOrderByName) {
