@@ -193,7 +193,10 @@ Json read_json(const std::filesystem::path& file) {
   return parse_json(read_text_file(file), file.string());
 }
 
-Calibration to_calibration(const Json& document, const std::string& name) {
+namespace {
+
+/// What was found, all but the advice: a guess that was cut by hand need not keep that whole.
+Calibration read_found(const Json& document, const std::string& name) {
   if (!document.is_object()) throw InputError(name + ": must be a calibration (a JSON object)");
   const Reader whole(document, name + ":");
   Calibration out;
@@ -211,11 +214,8 @@ Calibration to_calibration(const Json& document, const std::string& name) {
   if (!whole["throws"].is_null())
     for (const Reader& thrown : whole["throws"].items())
       out.throws.push_back(read_throw(thrown, name, out.cameras));
-  out.next_throw = read_next_throw(whole["next_throw"], out.cameras);
   return out;
 }
-
-namespace {
 
 void check(double value, const NumberRange& range, const std::string& place) {
   if (!range.holds(value))
@@ -240,10 +240,14 @@ const CameraCalibration& guessed(const std::vector<CameraCalibration>& cameras,
 
 }  // namespace
 
+Calibration to_calibration(const Json& document, const std::string& name) {
+  Calibration out = read_found(document, name);
+  out.next_throw = read_next_throw(Reader(document, name + ":")["next_throw"], out.cameras);
+  return out;
+}
+
 Guess to_guess(const Json& document, const RigDescription& rig, const std::string& name) {
-  Json poses = document;
-  if (poses.is_object()) poses.erase("next_throw");  // a guess cut by hand need not keep it whole
-  const Calibration calibration = to_calibration(poses, name);
+  const Calibration calibration = read_found(document, name);
   Guess guess;
   guess.drag_per_m = calibration.drag_per_m;
   check(guess.drag_per_m, drag_per_m, name + ": drag_per_m");
