@@ -11,9 +11,10 @@ namespace {
 
 constexpr double undetermined_eigenvalue =
     1e-12;  // of the scaled information: below it is rounding
-// Squared distance to the optimum, in sigmas, that a descent may leave: while outliers are looked
-// for a tenth of a sigma will do, at the end it is a ten-thousandth.
-constexpr double near_enough = 1e-2, at_optimum = 1e-8;
+// The last step that a descent makes, squared and in sigmas; it converges quadratically, so what is
+// left after it is far less. While outliers are looked for it is a third of a sigma a parameter, at
+// the end a thousandth in all.
+constexpr double near_enough_each = 0.1, at_optimum = 1e-6;
 constexpr double least_damping = 1e-9, first_damping = 1e-4, max_damping = 1e8;
 
 struct Problem {
@@ -108,7 +109,7 @@ PerSighting<char> all_placed(const Problem& p, const RigState& rig) {
 /// Robust noise scales: 1.4826 x each camera's median absolute residual, outliers and all; a stated
 /// sigma is only ever widened. They follow the residuals down: from a rough start nearly everything
 /// is "far", and a fixed threshold would turn the problem into the slow L1 one. Returns whether any
-/// changed by more than a twentieth.
+/// changed by more than a fifth.
 bool follow_medians(const Problem& p, Refinement& at) {
   std::vector<std::vector<double>> sizes(p.rig.cameras.size());
   for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
@@ -123,7 +124,7 @@ bool follow_medians(const Problem& p, Refinement& at) {
     change = std::max(change, std::abs(std::log(scale / at.weighting.noise_scale[k])));
     at.weighting.noise_scale[k] = scale;
   }
-  return change > 0.05;
+  return change > 0.2;
 }
 
 int free_parameters(const Refinement& at) {
@@ -249,7 +250,7 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
                  .covariance = {},
                  .information = {},
                  .undetermined = {}};
-  descend(p, out, near_enough, [&] { return follow_medians(p, out); });
+  descend(p, out, near_enough_each * free_parameters(out), [&] { return follow_medians(p, out); });
   out.weighting.huber_sigmas = 0.0;
   for (std::size_t k = 0; k < rig.cameras.size(); ++k)
     if (rig.cameras[k].sigma_px) out.weighting.noise_scale[k] = 1.0;
