@@ -40,8 +40,8 @@ bool surely_grows_to(double r, const double* c, int n) {
 }
 
 /// OpenCV's radial and tangential model on normalised coordinates, and its 2x2 derivative.
-Eigen::Vector2d distort_radtan(const std::array<double, 5>& d, const Eigen::Vector2d& p,
-                               Eigen::Matrix2d* J) {
+inline Eigen::Vector2d distort_radtan(const std::array<double, 5>& d, const Eigen::Vector2d& p,
+                                      Eigen::Matrix2d* J) {
   const auto [k1, k2, p1, p2, k3] = d;
   const double x = p.x(), y = p.y(), r2 = x * x + y * y;
   const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
@@ -70,7 +70,8 @@ std::optional<Eigen::Vector2d> project_radtan(const CameraModel& model,
                                               Eigen::Matrix<double, 2, 3>* J,
                                               DistortionJacobian* J_distortion) {
   if (point.z() < min_depth_m) return std::nullopt;
-  const Eigen::Vector2d p = point.head<2>() / point.z();
+  const double per_m = 1.0 / point.z();  // one division serves all
+  const Eigen::Vector2d p(per_m * point.x(), per_m * point.y());
   if (J_distortion) {
     const double r2 = p.squaredNorm(), xy2 = 2 * p.x() * p.y();
     *J_distortion << r2 * p, r2 * r2 * p, Eigen::Vector2d(xy2, r2 + 2 * p.y() * p.y()),
@@ -78,7 +79,11 @@ std::optional<Eigen::Vector2d> project_radtan(const CameraModel& model,
   }
   Eigen::Matrix2d D;
   const Eigen::Vector2d distorted = distort_radtan(model.distortion, p, J ? &D : nullptr);
-  if (J) *J << D / point.z(), -(D * p) / point.z();
+  if (J)
+    for (int i = 0; i < 2; ++i) {
+      (*J)(i, 0) = per_m * D(i, 0), (*J)(i, 1) = per_m * D(i, 1);
+      (*J)(i, 2) = -per_m * (D(i, 0) * p.x() + D(i, 1) * p.y());
+    }
   return distorted;
 }
 
@@ -156,16 +161,19 @@ std::optional<Eigen::Vector2d> CameraModel::project(
   const auto distort = lens == Lens::radtan ? project_radtan : project_kb4;
   const auto distorted = distort(*this, point_cam, J_point, J_intrinsics ? &J_distortion : nullptr);
   if (!distorted) return std::nullopt;
-  Eigen::Matrix2d affine;
-  affine << fx_px, skew_px, 0.0, fy_px;
-  if (J_point) *J_point = affine * *J_point;
+  if (J_point) {
+    J_point->row(0) = fx_px * J_point->row(0) + skew_px * J_point->row(1);
+    J_point->row(1) *= fy_px;
+  }
   if (J_intrinsics) {
     const auto [x, y] = std::pair(distorted->x(), distorted->y());
     J_intrinsics->leftCols<5>() << x, 0, 1, 0, y,  //
         0, y, 0, 1, 0;
-    J_intrinsics->rightCols<5>() = affine * J_distortion;
+    J_intrinsics->row(0).tail<5>() = fx_px * J_distortion.row(0) + skew_px * J_distortion.row(1);
+    J_intrinsics->row(1).tail<5>() = fy_px * J_distortion.row(1);
   }
-  return affine * *distorted + Eigen::Vector2d(cx_px, cy_px);
+  return Eigen::Vector2d(fx_px * distorted->x() + skew_px * distorted->y() + cx_px,
+                         fy_px * distorted->y() + cy_px);
 }
 
 std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pixel) const {

@@ -138,7 +138,8 @@ void Ekf::update(const TimedSighting& sighting) {
   const double moment = moment_s(rig_state_, sighting);
   if (!(std::abs(moment) <= max_flight_s)) return;  // an offset gone astray
   predict(moment);
-  if (!model_sighting(rig_state_, ball_, sighting, !camera.intrinsics.empty(), model_)) return;
+  if (!model_sighting(rig_state_, ball_, sighting, !camera.intrinsics.empty(), false, model_))
+    return;
   layout_.fill_jacobian(k, model_, camera_one_turns(rig_state_.T_world_cam[0]), J_camera_);
   const int at = ball_size + camera.start;
   switch (camera.size) {

@@ -2,12 +2,8 @@
 #include "estimator/normal_equations.h"
 
 #include <Eigen/Dense>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
-
-#include "estimator/flight_path.h"
 
 namespace throwcal {
 namespace {
@@ -27,110 +23,87 @@ Huber huber(double squared, double limit) {
   return {2 * limit * distance - limit * limit, limit / distance};
 }
 
-/// What the sightings of one camera say in one throw: the sum of the outer products of their two
-/// rows [position 3 | velocity 3 | rotation 3 | offset | drag | residual | lens numbers]. Every
-/// parameter of the ball and the camera is one of these columns or a fixed mixture of them, so the
-/// layout comes in once a throw, not once a sighting.
-class CameraShare {
- public:
-  static constexpr int position = 0, velocity = 3, rotation = 6, offset = 9, drag = 10,
-                       residual = 11, lens = 12;
-  static constexpr int plain = 12, width = lens + intrinsics + 1;  // even: whole vector registers
-  using Sum = Eigen::Matrix<double, width, width, Eigen::RowMajor>;
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// Chosen at the program's start by what the processor has: a package must run on all of them.
+#define FOR_WIDE_REGISTERS_TOO __attribute__((target_clones("avx2", "default")))
+#else
+#define FOR_WIDE_REGISTERS_TOO
+#endif
 
-  void clear(int lens_numbers) {
-    columns_ = plain + lens_numbers;
-    sum_.topRows(columns_).setZero();
-    row_[0].fill(0.0), row_[1].fill(0.0);
-  }
-
-  void add(const SightingModel& model, const Propagation& ball, const Eigen::Matrix2d& whitening,
-           const std::vector<Intrinsic>& estimated) {
-    const Eigen::Matrix<double, 2, 3> J_velocity =
-        model.J_position.lazyProduct(ball.J_position_velocity0);
-    const Eigen::Vector2d J_drag = model.J_position.lazyProduct(ball.J_position_drag);
-    for (int i = 0; i < 2; ++i) {
-      double* row = row_[i].data();
-      const auto whiten = [&](const auto& J, int c) {
-        return whitening(i, 0) * J(0, c) + whitening(i, 1) * J(1, c);
-      };
-      for (int c = 0; c < 3; ++c) {
-        row[position + c] = whiten(model.J_position, c);
-        row[velocity + c] = whiten(J_velocity, c);
-        row[rotation + c] = whiten(model.J_rotation, c);
-      }
-      row[offset] = whiten(model.J_offset, 0);
-      row[drag] = whiten(J_drag, 0);
-      row[residual] = whiten(model.residual_px, 0);
-      for (std::size_t n = 0; n < estimated.size(); ++n)
-        row[lens + n] = whiten(model.J_lens, static_cast<int>(estimated[n]));
-    }
-    if (columns_ == plain)
-      add_products<plain>(plain);
-    else
-      add_products<0>(columns_);
-  }
-
-  /// Both triangles.
-  Eigen::MatrixXd matrix() const {
-    return Eigen::MatrixXd(sum_.topLeftCorner(columns_, columns_).selfadjointView<Eigen::Lower>());
-  }
-
- private:
-  template <int fixed>
-  void add_products(int columns) {
-    const double *a = row_[0].data(), *b = row_[1].data();
-    for (int i = 0; i < (fixed ? fixed : columns); ++i) {
-      double* out = sum_.data() + i * width;
-      const int whole = (i | 1) + 1;  // one beyond the diagonal does not matter
-      for (int j = 0; j < whole; ++j) out[j] += a[i] * a[j] + b[i] * b[j];
-    }
-  }
-
-  Sum sum_;
-  std::array<double, width> row_[2];
-  int columns_ = plain;
+/// One sighting and what it counts, for the sum of its camera.
+struct Weighed {
+  const double* rows;
+  double weight;
+  double* sum;
 };
 
-/// Which mixture of a CameraShare's columns each number of a camera's slice is (slice's size x
+/// Adds weight (a a^T + b b^T) of each sighting's two rows to its camera's sum (columns x columns,
+/// row by row), at and below the diagonal. Plain rows are three registers of four: where one meets
+/// its end within a register, all of that is added, for what lies beyond the diagonal does not
+/// matter.
+FOR_WIDE_REGISTERS_TOO void add_products(const std::vector<Weighed>& sightings, int columns) {
+  using Four = double __attribute__((vector_size(32), aligned(8), may_alias));
+  for (const Weighed& s : sightings) {
+    const double *a = s.rows, *b = s.rows + columns;
+    if (columns == Linearisation::plain_columns) {
+      const auto *a4 = reinterpret_cast<const Four*>(a), *b4 = reinterpret_cast<const Four*>(b);
+      const Four a0 = a4[0], a1 = a4[1], a2 = a4[2], b0 = b4[0], b1 = b4[1], b2 = b4[2];
+      auto* out = reinterpret_cast<Four*>(s.sum);
+      for (int i = 0; i < Linearisation::plain_columns; ++i, out += 3) {
+        const double wa = s.weight * a[i], wb = s.weight * b[i];
+        out[0] += wa * a0 + wb * b0;
+        if (i > 3) out[1] += wa * a1 + wb * b1;
+        if (i > 7) out[2] += wa * a2 + wb * b2;
+      }
+    } else {
+      for (int i = 0; i < columns; ++i) {
+        const double wa = s.weight * a[i], wb = s.weight * b[i];
+        double* out = s.sum + i * columns;
+        for (int j = 0; j <= i; ++j) out[j] += wa * a[j] + wb * b[j];
+      }
+    }
+  }
+}
+
+/// Which mixture of a Linearisation's columns each number of a camera's slice is (slice's size x
 /// columns).
-Eigen::MatrixXd mixture_of(const RigLayout::Camera& camera, std::size_t k,
+Eigen::MatrixXd mixture_of(const RigLayout::Camera& camera, std::size_t k, int columns,
                            const Eigen::Matrix<double, 3, 2>& turns) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(
-      camera.size, CameraShare::plain + static_cast<int>(camera.intrinsics.size()));
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(camera.size, columns);
   if (camera.size == 0) return out;  // not placed
   if (k == 0) {
-    out.block<2, 3>(0, CameraShare::rotation) = turns.transpose();
+    out.block<2, 3>(0, Linearisation::rotation) = turns.transpose();
   } else {
     // Only where the ball is from the camera matters.
-    out.block<3, 3>(0, CameraShare::position) = -Eigen::Matrix3d::Identity();
-    out.block<3, 3>(3, CameraShare::rotation).setIdentity();
+    out.block<3, 3>(0, Linearisation::position) = -Eigen::Matrix3d::Identity();
+    out.block<3, 3>(3, Linearisation::rotation).setIdentity();
   }
-  if (camera.offset) out(*camera.offset, CameraShare::offset) = 1.0;
+  if (camera.offset) out(*camera.offset, Linearisation::offset) = 1.0;
   for (std::size_t n = 0; n < camera.intrinsics.size(); ++n)
-    out(camera.lens + n, CameraShare::lens + n) = 1.0;
+    out(camera.lens + n, Linearisation::lens + n) = 1.0;
   return out;
 }
 
-/// Puts one camera's share of one throw where the layout wants it.
-void add_share(const CameraShare& share, const RigLayout& layout, const RigLayout::Camera& camera,
+/// Puts one camera's sum over one throw where the layout wants it.
+void add_share(const Eigen::MatrixXd& sum, const RigLayout& layout, const RigLayout::Camera& camera,
                const Eigen::MatrixXd& mixture, NormalEquations& out, NormalEquations::Ball& ball) {
   constexpr int ball_size = RigLayout::ball_size;
-  const Eigen::MatrixXd sum = share.matrix(), mixed = mixture * sum;
+  const Eigen::MatrixXd mixed = mixture.lazyProduct(sum);
   const int at = camera.start, size = camera.size;
-  out.information.block(at, at, size, size).noalias() += mixed * mixture.transpose();
-  out.gradient.segment(at, size) += mixed.col(CameraShare::residual);
+  out.information.block(at, at, size, size) += mixed.lazyProduct(mixture.transpose());
+  out.gradient.segment(at, size) += mixed.col(Linearisation::residual);
   ball.coupling.middleRows(at, size) += mixed.leftCols<ball_size>();
   ball.information += sum.topLeftCorner<ball_size, ball_size>();
-  ball.gradient += sum.col(CameraShare::residual).head<ball_size>();
+  ball.gradient += sum.col(Linearisation::residual).head<ball_size>();
   if (!layout.drag()) return;
   const int drag = *layout.drag();
-  const auto column = mixed.col(CameraShare::drag);
+  const auto column = mixed.col(Linearisation::drag);
   out.information.col(drag).segment(at, size) += column;
   out.information.row(drag).segment(at, size) += column.transpose();
-  out.information(drag, drag) += sum(CameraShare::drag, CameraShare::drag);
-  out.gradient[drag] += sum(CameraShare::drag, CameraShare::residual);
-  ball.coupling.row(drag) += sum.row(CameraShare::drag).head<ball_size>();
+  out.information(drag, drag) += sum(Linearisation::drag, Linearisation::drag);
+  out.gradient[drag] += sum(Linearisation::drag, Linearisation::residual);
+  ball.coupling.row(drag) += sum.row(Linearisation::drag).head<ball_size>();
 }
 
 /// R with R R^T the inverse of a ball's information; scaled first, for metres and metres per second
@@ -154,24 +127,6 @@ Matrix6 inverse_root(const Matrix6& information) {
 
 }  // namespace
 
-PerSighting<Eigen::Vector2d> claimed_residuals(const RigDescription& rig,
-                                               const std::vector<TimedThrow>& throws,
-                                               const Solution& at) {
-  const Eigen::Vector3d gravity(0, 0, -rig.gravity_mps2);
-  PerSighting<Eigen::Vector2d> out(throws.size());
-  for (std::size_t j = 0; j < throws.size(); ++j) {
-    out[j].reserve(throws[j].sightings.size());
-    FlightPath path(at.balls[j], gravity, at.rig.drag_per_m, FlightPath::Wants::state, false);
-    for (const TimedSighting& s : throws[j].sightings) {
-      const auto residual = residual_px(at.rig, path.at(moment_s(at.rig, s)).state, s);
-      out[j].push_back(residual
-                           ? Eigen::Vector2d(s.whitening * *residual)
-                           : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
-    }
-  }
-  return out;
-}
-
 double cost(const std::vector<TimedThrow>& throws, const PerSighting<Eigen::Vector2d>& residuals,
             const Weighting& weighting) {
   double sum = 0.0;
@@ -185,44 +140,53 @@ double cost(const std::vector<TimedThrow>& throws, const PerSighting<Eigen::Vect
   return sum;
 }
 
+NormalEquations normal_equations(const std::vector<TimedThrow>& throws, const Linearisation& linear,
+                                 const RigState& rig, const RigLayout& layout,
+                                 const Weighting& weighting) {
+  const std::size_t cameras = rig.cameras();
+  const int size = layout.size(), columns = linear.columns;
+  NormalEquations out{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size),
+                      std::vector<NormalEquations::Ball>(throws.size())};
+  const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(rig.T_world_cam[0]);
+  std::vector<Eigen::MatrixXd> mixtures;
+  for (std::size_t k = 0; k < cameras; ++k)
+    mixtures.push_back(mixture_of(layout.camera(k), k, columns, turns));
+  // Column by column where add_products() counts row by row: the upper triangle.
+  std::vector<Eigen::MatrixXd> sums(cameras, Eigen::MatrixXd(columns, columns));
+  std::vector<char> takes_part(cameras);
+  std::vector<Weighed> weighed;
+  for (std::size_t j = 0; j < throws.size(); ++j) {
+    takes_part.assign(cameras, false);
+    weighed.clear();
+    for (std::size_t i = 0; i < throws[j].sightings.size(); ++i) {
+      const double* rows = linear.row(j, i);
+      const Eigen::Vector2d residual(rows[Linearisation::residual],
+                                     rows[columns + Linearisation::residual]);
+      if (!weighting.used[j][i] || !residual.allFinite()) continue;
+      const CameraId k = throws[j].sightings[i].camera;
+      const double scale2 = weighting.noise_scale[k] * weighting.noise_scale[k];
+      const double weight =
+          huber(residual.squaredNorm() / scale2, weighting.huber_sigmas).weight / scale2;
+      if (!std::exchange(takes_part[k], true)) sums[k].setZero();
+      weighed.push_back({rows, weight, sums[k].data()});
+    }
+    add_products(weighed, columns);
+    out.balls[j].coupling.setZero(size, RigLayout::ball_size);
+    for (std::size_t k = 0; k < cameras; ++k) {
+      if (!takes_part[k]) continue;
+      sums[k].triangularView<Eigen::StrictlyLower>() = sums[k].transpose();
+      add_share(sums[k], layout, layout.camera(k), mixtures[k], out, out.balls[j]);
+    }
+  }
+  return out;
+}
+
 NormalEquations normal_equations(const RigDescription& rig, const std::vector<TimedThrow>& throws,
                                  const Solution& at, const RigLayout& layout,
                                  const Weighting& weighting) {
-  const std::size_t cameras = at.rig.cameras();
-  const int size = layout.size();
-  NormalEquations out{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size),
-                      std::vector<NormalEquations::Ball>(throws.size())};
-  const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(at.rig.T_world_cam[0]);
-  std::vector<Eigen::MatrixXd> mixtures;
-  for (std::size_t k = 0; k < cameras; ++k)
-    mixtures.push_back(mixture_of(layout.camera(k), k, turns));
-  std::vector<CameraShare> shares(cameras);
-  std::vector<char> takes_part(cameras);
-  SightingModel model;
-  for (std::size_t j = 0; j < throws.size(); ++j) {
-    takes_part.assign(cameras, false);
-    FlightPath path(at.balls[j], {0, 0, -rig.gravity_mps2}, at.rig.drag_per_m,
-                    FlightPath::Wants::sensitivities, rig.ball.estimate_drag);
-    for (std::size_t i = 0; i < throws[j].sightings.size(); ++i) {
-      if (!weighting.used[j][i]) continue;
-      const TimedSighting& s = throws[j].sightings[i];
-      const std::vector<Intrinsic>& lens = layout.camera(s.camera).intrinsics;
-      const Propagation& ball = path.at(moment_s(at.rig, s));
-      if (!model_sighting(at.rig, ball.state, s, !lens.empty(), model)) continue;
-      Eigen::Matrix2d whitening = s.whitening / weighting.noise_scale[s.camera];
-      if (weighting.huber_sigmas > 0)
-        whitening *= std::sqrt(
-            huber((whitening * model.residual_px).squaredNorm(), weighting.huber_sigmas).weight);
-      if (!std::exchange(takes_part[s.camera], true))
-        shares[s.camera].clear(static_cast<int>(lens.size()));
-      shares[s.camera].add(model, ball, whitening, lens);
-    }
-    out.balls[j].coupling.setZero(size, RigLayout::ball_size);
-    for (std::size_t k = 0; k < cameras; ++k)
-      if (takes_part[k])
-        add_share(shares[k], layout, layout.camera(k), mixtures[k], out, out.balls[j]);
-  }
-  return out;
+  Linearisation linear;
+  linearise(rig, throws, at, linear);
+  return normal_equations(throws, linear, at.rig, layout, weighting);
 }
 
 ReducedEquations eliminate_balls(const NormalEquations& normal, double damping) {

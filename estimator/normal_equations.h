@@ -3,15 +3,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "estimator/rig_description.h"
-#include "estimator/super_state.h"
-#include "estimator/throw_set.h"
+#include "estimator/linearisation.h"
 
 namespace throwcal {
-
-/// A number for every sighting of every throw, in the order of the throws.
-template <typename T>
-using PerSighting = std::vector<std::vector<T>>;
 
 /// Which sightings count, and the noise of each camera in units of what its whitening claims.
 struct Weighting {
@@ -21,12 +15,7 @@ struct Weighting {
       0.0;  ///< residuals beyond it count linearly (Huber); 0: plain least squares
 };
 
-/// Residuals in units of the claimed noise; NaN where the ball cannot be seen.
-PerSighting<Eigen::Vector2d> claimed_residuals(const RigDescription& rig,
-                                               const std::vector<TimedThrow>& throws,
-                                               const Solution& at);
-
-/// Sum of squared whitened residuals of what is used (Huber's where it is on).
+/// Sum of squared residuals of what is used, in units of the noise (Huber's where it is on).
 double cost(const std::vector<TimedThrow>& throws, const PerSighting<Eigen::Vector2d>& residuals,
             const Weighting& weighting);
 
@@ -45,6 +34,10 @@ struct NormalEquations {
   std::vector<Ball> balls;
 };
 
+/// `rig` is where `linear` was made.
+NormalEquations normal_equations(const std::vector<TimedThrow>& throws, const Linearisation& linear,
+                                 const RigState& rig, const RigLayout& layout,
+                                 const Weighting& weighting);
 NormalEquations normal_equations(const RigDescription& rig, const std::vector<TimedThrow>& throws,
                                  const Solution& at, const RigLayout& layout,
                                  const Weighting& weighting);

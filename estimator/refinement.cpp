@@ -5,15 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 namespace throwcal {
 namespace {
 
 constexpr double undetermined_eigenvalue =
     1e-12;  // of the scaled information: below it is rounding
-// The last step that a descent makes, squared and in sigmas; it converges quadratically, so what is
-// left after it is far less. While outliers are looked for it is a third of a sigma a parameter, at
-// the end a thousandth in all.
+// Squared distance to the optimum, in sigmas, that a descent may leave: while outliers are looked
+// for a third of a sigma a parameter will do, at the end it is a thousandth in all.
 constexpr double near_enough_each = 0.1, at_optimum = 1e-6;
 constexpr double least_damping = 1e-9, first_damping = 1e-4, max_damping = 1e8;
 
@@ -50,31 +50,35 @@ Step damped_step(const Refinement& from, const NormalEquations& normal, double d
 }
 
 /// Levenberg-Marquardt with weights that follow the residuals: `reweigh` changes them before each
-/// step and says whether the change matters. Returns the last linearisation, at most a step of
-/// `enough` away from where it ends; nothing where it made none that is so near.
+/// step and says whether the change matters. Ends where a step would be shorter than `enough`,
+/// without taking it, and returns the equations there; nothing where it does not get so far.
 template <typename Reweigh>
-std::optional<NormalEquations> descend(const Problem& p, Refinement& at, double enough,
-                                       Reweigh reweigh) {
+std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Linearisation& linear,
+                                       double enough, Reweigh reweigh) {
   double damping = least_damping;
+  Linearisation there;
   for (int i = 0; i < p.settings.max_iterations; ++i) {
     ++at.iterations;
     const bool reweighed = reweigh();
     NormalEquations normal =
-        normal_equations(p.rig, p.throws, at.solution, at.layout, at.weighting);
+        normal_equations(p.throws, linear, at.solution.rig, at.layout, at.weighting);
     const double current = cost(p.throws, at.residuals, at.weighting);
     while (true) {
       Step step = damped_step(at, normal, damping);
-      auto residuals = claimed_residuals(p.rig, p.throws, step.to);
+      if (!reweighed && damping <= first_damping && std::abs(step.decrement) <= enough)
+        return normal;
+      linearise(p.rig, p.throws, step.to, there);
+      auto residuals = there.residuals();
       if (cost(p.throws, residuals, at.weighting) <= current) {  // false for NaN too
         at.solution = std::move(step.to), at.residuals = std::move(residuals);
-        if (!reweighed && damping <= first_damping && step.decrement <= enough) return normal;
+        std::swap(linear, there);
         damping = std::max(0.1 * damping, least_damping);
         break;
       }
       // At the optimum rounding alone decides whether the cost falls.
       const bool arrived = std::abs(step.decrement) <= std::max(enough, 1e-12 * current);
-      if (damping > max_damping) return {};
       if (arrived && !reweighed) return normal;
+      if (damping > max_damping) return {};
       if (arrived) break;
       damping = std::max(10 * damping, first_damping);
     }
@@ -246,11 +250,15 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
                  .layout = RigLayout(rig, start.rig),
                  .weighting = {all_placed(p, start.rig),
                                std::vector<double>(rig.cameras.size(), 1.0), settings.huber_sigmas},
-                 .residuals = claimed_residuals(rig, throws, start),
+                 .residuals = {},
                  .covariance = {},
                  .information = {},
                  .undetermined = {}};
-  descend(p, out, near_enough_each * free_parameters(out), [&] { return follow_medians(p, out); });
+  Linearisation linear;
+  linearise(rig, throws, start, linear);
+  out.residuals = linear.residuals();
+  descend(p, out, linear, near_enough_each * free_parameters(out),
+          [&] { return follow_medians(p, out); });
   out.weighting.huber_sigmas = 0.0;
   for (std::size_t k = 0; k < rig.cameras.size(); ++k)
     if (rig.cameras[k].sigma_px) out.weighting.noise_scale[k] = 1.0;
@@ -258,11 +266,12 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
     const bool chosen = gate(p, out), measured = measure_noise(p, out);
     return chosen || measured;
   };
-  const auto last = descend(p, out, at_optimum, settle);
+  const auto last = descend(p, out, linear, at_optimum, settle);
   const bool still_last = !settle() && last;
   measure_covariance(
       p,
-      still_last ? *last : normal_equations(rig, throws, out.solution, out.layout, out.weighting),
+      still_last ? *last
+                 : normal_equations(throws, linear, out.solution.rig, out.layout, out.weighting),
       out);
   return out;
 }

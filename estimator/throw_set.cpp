@@ -44,7 +44,7 @@ std::optional<Eigen::Vector2d> residual_px(const RigState& rig, const BallState&
   const CameraModel& model = rig.models[sighting.camera];
   if (model.row_time_s != 0.0) {
     SightingModel linear;
-    if (!model_sighting(rig, ball, sighting, false, linear)) return std::nullopt;
+    if (!model_sighting(rig, ball, sighting, false, false, linear)) return std::nullopt;
     return linear.residual_px;
   }
   const Rigid& T_world_cam = rig.T_world_cam[sighting.camera];
@@ -55,7 +55,7 @@ std::optional<Eigen::Vector2d> residual_px(const RigState& rig, const BallState&
 }
 
 bool model_sighting(const RigState& rig, const BallState& ball, const TimedSighting& sighting,
-                    bool wants_lens, SightingModel& out) {
+                    bool wants_lens, bool in_sigmas, SightingModel& out) {
   const CameraModel& model = rig.models[sighting.camera];
   const Rigid& T_world_cam = rig.T_world_cam[sighting.camera];
   const Eigen::Vector3d arm = ball.position_m - T_world_cam.translation;
@@ -64,23 +64,24 @@ bool model_sighting(const RigState& rig, const BallState& ball, const TimedSight
   const auto predicted = model.project(T_world_cam.rotation.transpose() * arm, &J_point,
                                        wants_lens ? &J_intrinsics : nullptr);
   if (!predicted) return false;
-
+  out.residual_px = sighting.pixel - *predicted;
+  if (model.row_time_s != 0.0 || in_sigmas) {
+    Eigen::Matrix2d factor = in_sigmas ? sighting.whitening : Eigen::Matrix2d::Identity();
+    if (model.row_time_s != 0.0) {
+      Eigen::Matrix2d coupling = Eigen::Matrix2d::Identity();
+      coupling.col(1) -=
+          model.row_time_s * (J_point * (T_world_cam.rotation.transpose() * ball.velocity_mps));
+      factor = factor * coupling.inverse();
+    }
+    out.residual_px = factor * out.residual_px;
+    J_point = factor * J_point;
+    if (wants_lens) J_intrinsics = factor * J_intrinsics;
+  }
   out.J_position.noalias() = J_point.lazyProduct(T_world_cam.rotation.transpose());
   out.J_rotation.row(0) = out.J_position.row(0).cross(arm.transpose());  // J_position * skew(arm)
   out.J_rotation.row(1) = out.J_position.row(1).cross(arm.transpose());
   out.J_offset.noalias() = out.J_position.lazyProduct(ball.velocity_mps);
-  out.residual_px = sighting.pixel - *predicted;
   if (wants_lens) out.J_lens << J_intrinsics, sighting.pixel.y() * out.J_offset;
-  if (model.row_time_s != 0.0) {
-    Eigen::Matrix2d coupling = Eigen::Matrix2d::Identity();
-    coupling.col(1) -= model.row_time_s * out.J_offset;
-    const Eigen::Matrix2d decoupled = coupling.inverse();
-    out.residual_px = decoupled * out.residual_px;
-    out.J_position = decoupled * out.J_position;
-    out.J_rotation = decoupled * out.J_rotation;
-    out.J_offset = decoupled * out.J_offset;
-    if (wants_lens) out.J_lens = decoupled * out.J_lens;
-  }
   return true;
 }
 

@@ -44,9 +44,10 @@ inline double moment_s(const RigState& rig, const TimedSighting& s) {
 std::optional<Eigen::Vector2d> residual_px(const RigState& rig, const BallState& ball,
                                            const TimedSighting& sighting);
 
-/// The same, linearised; false where it cannot be seen.
+/// The same, linearised; false where it cannot be seen. With `in_sigmas` everything is multiplied
+/// by the sighting's whitening.
 [[nodiscard]] bool model_sighting(const RigState& rig, const BallState& ball,
-                                  const TimedSighting& sighting, bool wants_lens,
+                                  const TimedSighting& sighting, bool wants_lens, bool in_sigmas,
                                   SightingModel& out);
 
 }  // namespace throwcal

@@ -112,7 +112,7 @@ TEST_P(EveryRig, OneUpdateIsBayesRuleOnTheLinearisedSighting) {
   SightingModel plain;
   RigState global = rig;
   global.models[first.camera].row_time_s = 0.0;
-  ASSERT_TRUE(model_sighting(global, ball, first, false, plain));
+  ASSERT_TRUE(model_sighting(global, ball, first, false, false, plain));
   coupling.col(1) -= rig.models[first.camera].row_time_s * plain.J_offset;
   H = coupling.inverse() * H;
   filter.update(first);

@@ -46,7 +46,7 @@ TEST(SightingModel, ItsJacobiansAreTheDerivativesForEveryLensAndShutter) {
     for (double row_time_s : {0.0, 20e-6}) {
       const OneCamera of(lens, row_time_s);
       SightingModel at;
-      ASSERT_TRUE(model_sighting(of.state, of.ball, of.sighting, true, at));
+      ASSERT_TRUE(model_sighting(of.state, of.ball, of.sighting, true, false, at));
       Eigen::MatrixXd J(2, 10 + intrinsics);
       J << at.J_position, -at.J_position, at.J_rotation, at.J_offset, at.J_lens;
       // The measured row is part of the time, so noise in v moves the prediction too: the model
@@ -54,7 +54,7 @@ TEST(SightingModel, ItsJacobiansAreTheDerivativesForEveryLensAndShutter) {
       SightingModel global = at;
       RigState frozen = of.state;
       frozen.models[0].row_time_s = 0.0;
-      ASSERT_TRUE(model_sighting(frozen, of.ball, of.sighting, true, global));
+      ASSERT_TRUE(model_sighting(frozen, of.ball, of.sighting, true, false, global));
       Eigen::Matrix2d coupling = Eigen::Matrix2d::Identity();
       coupling.col(1) -= row_time_s * global.J_offset;
       test::expect_jacobian(
@@ -90,7 +90,7 @@ TEST(RigLayout, ACamerasSliceHoldsWhatIsFreeAndItsJacobianIsTheDerivative) {
   for (std::size_t k : {0u, 1u}) {
     of.sighting.camera = static_cast<CameraId>(k);
     SightingModel at;
-    ASSERT_TRUE(model_sighting(of.state, of.ball, of.sighting, true, at));
+    ASSERT_TRUE(model_sighting(of.state, of.ball, of.sighting, true, false, at));
     RigLayout::CameraJacobian J;
     layout.fill_jacobian(k, at, camera_one_turns(of.state.T_world_cam[0]), J);
     ASSERT_EQ(J.cols(), layout.camera(k).size);
@@ -105,7 +105,7 @@ TEST(RigLayout, ACamerasSliceHoldsWhatIsFreeAndItsJacobianIsTheDerivative) {
       RigState frozen = of.state;
       frozen.models[k].row_time_s = 0.0;
       SightingModel global;
-      EXPECT_TRUE(model_sighting(frozen, of.ball, of.sighting, false, global));
+      EXPECT_TRUE(model_sighting(frozen, of.ball, of.sighting, false, false, global));
       coupling.col(1) -= of.state.models[k].row_time_s * global.J_offset;
       return Eigen::VectorXd(coupling.inverse() *
                              *moved.models[k].project(moved.T_world_cam[k].inverse() * ball));
