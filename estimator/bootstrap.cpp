@@ -14,6 +14,7 @@ namespace {
 constexpr double unknown_drag_sigma_per_m =
     0.03;  // of a thrown ball: a tennis ball has 0.018, table tennis 0.12
 constexpr double max_offset_s = 0.2;
+constexpr std::size_t enough_sightings = 30;
 constexpr double gate_chi2 = 200.0;  // the pairs are given, only their fits may be off
 
 FlightFitSettings fit_settings(const RigDescription& rig, const CameraDescription& camera) {
@@ -25,12 +26,18 @@ FlightFitSettings fit_settings(const RigDescription& rig, const CameraDescriptio
   return out;
 }
 
-/// The sightings with the noise that the rig states, where it does.
-Track with_stated_noise(Track track, const CameraDescription& camera) {
-  if (camera.sigma_px)
-    for (BallSighting& s : track.sightings)
-      s.cov_px2 = *camera.sigma_px * *camera.sigma_px * Eigen::Matrix2d::Identity();
-  return track;
+/// What a start needs of a track: at most `enough_sightings`, spread over all of it, with the noise
+/// that the rig states, where it does. The refinement takes them all.
+Track thinned(const Track& track, const CameraDescription& camera) {
+  const std::size_t stride = (track.sightings.size() + enough_sightings - 1) / enough_sightings;
+  Track out{track.camera, {}};
+  for (std::size_t i = 0; i < track.sightings.size(); i += stride) {
+    out.sightings.push_back(track.sightings[i]);
+    if (camera.sigma_px)
+      out.sightings.back().cov_px2 =
+          *camera.sigma_px * *camera.sigma_px * Eigen::Matrix2d::Identity();
+  }
+  return out;
 }
 
 /// T_world_cam of camera 1 from gravity in its axes: z up, x along its viewing direction laid
@@ -123,7 +130,7 @@ FlightTable fit_all_flights(const RigDescription& rig, const std::vector<Throw>&
     std::vector<Track> tracks(throws.size(), Track{static_cast<CameraId>(k), {}});
     for (std::size_t j = 0; j < throws.size(); ++j)
       for (const Track& track : throws[j].tracks)
-        if (track.camera == k) tracks[j] = with_stated_noise(track, rig.cameras[k]);
+        if (track.camera == k) tracks[j] = thinned(track, rig.cameras[k]);
     auto fitted = fit_flights(rig.cameras[k].model, tracks, fit_settings(rig, rig.cameras[k]));
     for (std::size_t j = 0; j < throws.size(); ++j) out[j][k] = std::move(fitted[j]);
   }
