@@ -22,44 +22,6 @@ double common_moment_s(const CameraFlight& a, const CameraFlight& b, double b_ep
   return 0.5 * (low + high);  // of the gap, where they do not overlap
 }
 
-/// Difference of one flight in a's axes as both see it, and its covariance.
-struct Difference {
-  Vector6d value;
-  Matrix6d covariance;
-  Eigen::Matrix<double, 6, 5> J;  ///< by heading, translation, offset
-
-  double chi2() const { return value.dot(covariance.ldlt().solve(value)); }
-};
-
-Difference difference(const CameraAlignment& at, const CameraFlight& a, const CameraFlight& b) {
-  const double b_epoch_on_a_s = seconds(b.epoch - a.epoch) + at.offset_b_minus_a_s;
-  const double t_a = common_moment_s(a, b, b_epoch_on_a_s), t_b = t_a - b_epoch_on_a_s;
-  const BallState in_a = a.at(t_a), in_b = b.at(t_b);
-  const Eigen::Matrix3d& R = at.T_a_b.rotation;
-  const Eigen::Vector3d up = -a.gravity_cam_mps2.normalized();
-  const Eigen::Vector3d position = R * in_b.position_m, velocity = R * in_b.velocity_mps;
-  const Eigen::Vector3d acceleration =
-      R * (b.gravity_cam_mps2 - b.drag_per_m * in_b.velocity_mps.norm() * in_b.velocity_mps);
-
-  Difference out;
-  out.value << in_a.position_m - position - at.T_a_b.translation, in_a.velocity_mps - velocity;
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = R;
-  turn.bottomRightCorner<3, 3>() = R;
-  out.covariance = a.covariance_at(t_a) + turn * b.covariance_at(t_b) * turn.transpose();
-  const double floor2 =
-      at.slack_rad * at.slack_rad * (in_a.position_m.squaredNorm() + in_b.position_m.squaredNorm());
-  out.covariance.diagonal().head<3>().array() += floor2;
-  out.covariance.diagonal().tail<3>().array() += 2 * at.slack_mps * at.slack_mps;
-  out.J.setZero();
-  out.J.block<3, 1>(0, 0) = -up.cross(position);
-  out.J.block<3, 1>(3, 0) = -up.cross(velocity);
-  out.J.block<3, 3>(0, 1) = -Eigen::Matrix3d::Identity();
-  out.J.block<3, 1>(0, 4) = velocity;
-  out.J.block<3, 1>(3, 4) = acceleration;
-  return out;
-}
-
 /// A start from the pairs picked: offset from apexes, heading from horizontal velocities and from
 /// where the flights are to one another, translation from the means.
 CameraAlignment first_guess(std::span<const FlightPair> pairs, const std::vector<bool>& picked,
@@ -122,7 +84,7 @@ bool refine(std::span<const FlightPair> pairs, const std::vector<bool>& picked,
     x.chi2 = 0.0;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       if (!picked[i]) continue;
-      const Difference d = difference(x, pairs[i].first, pairs[i].second);
+      const FlightDifference d = difference(x, pairs[i].first, pairs[i].second);
       const Eigen::Matrix<double, 5, 6> weighted = d.covariance.ldlt().solve(d.J).transpose();
       H += weighted * d.J;
       gradient += weighted * d.value;
@@ -171,6 +133,38 @@ std::vector<std::vector<bool>> hypotheses(std::size_t count) {
 
 }  // namespace
 
+double FlightDifference::chi2() const { return value.dot(covariance.ldlt().solve(value)); }
+
+FlightDifference difference(const CameraAlignment& at, const CameraFlight& a,
+                            const CameraFlight& b) {
+  const double b_epoch_on_a_s = seconds(b.epoch - a.epoch) + at.offset_b_minus_a_s;
+  const double t_a = common_moment_s(a, b, b_epoch_on_a_s), t_b = t_a - b_epoch_on_a_s;
+  const BallState in_a = a.at(t_a), in_b = b.at(t_b);
+  const Eigen::Matrix3d& R = at.T_a_b.rotation;
+  const Eigen::Vector3d up = -a.gravity_cam_mps2.normalized();
+  const Eigen::Vector3d position = R * in_b.position_m, velocity = R * in_b.velocity_mps;
+  const Eigen::Vector3d acceleration =
+      R * (b.gravity_cam_mps2 - b.drag_per_m * in_b.velocity_mps.norm() * in_b.velocity_mps);
+
+  FlightDifference out;
+  out.value << in_a.position_m - position - at.T_a_b.translation, in_a.velocity_mps - velocity;
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = R;
+  turn.bottomRightCorner<3, 3>() = R;
+  out.covariance = a.covariance_at(t_a) + turn * b.covariance_at(t_b) * turn.transpose();
+  const double floor2 =
+      at.slack_rad * at.slack_rad * (in_a.position_m.squaredNorm() + in_b.position_m.squaredNorm());
+  out.covariance.diagonal().head<3>().array() += floor2;
+  out.covariance.diagonal().tail<3>().array() += 2 * at.slack_mps * at.slack_mps;
+  out.J.setZero();
+  out.J.block<3, 1>(0, 0) = -up.cross(position);
+  out.J.block<3, 1>(3, 0) = -up.cross(velocity);
+  out.J.block<3, 3>(0, 1) = -Eigen::Matrix3d::Identity();
+  out.J.block<3, 1>(0, 4) = velocity;
+  out.J.block<3, 1>(3, 4) = acceleration;
+  return out;
+}
+
 double apex_s(const CameraFlight& flight) {
   const Eigen::Vector3d up = -flight.gravity_cam_mps2.normalized();
   const double g = flight.gravity_cam_mps2.norm();
@@ -196,7 +190,7 @@ Eigen::Matrix3d level_rotation(const Eigen::Vector3d& gravity_cam) {
 
 double mismatch_chi2(const CameraAlignment& alignment, const CameraFlight& a,
                      const CameraFlight& b) {
-  Difference d = difference(alignment, a, b);
+  FlightDifference d = difference(alignment, a, b);
   d.covariance += d.J * alignment.covariance * d.J.transpose();
   const double chi2 = d.chi2();
   return std::isfinite(chi2) ? chi2 : std::numeric_limits<double>::infinity();

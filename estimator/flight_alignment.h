@@ -51,6 +51,18 @@ std::optional<CameraAlignment> align_cameras(std::span<const FlightPair> shared,
 double mismatch_chi2(const CameraAlignment& alignment, const CameraFlight& a,
                      const CameraFlight& b);
 
+/// One flight as both cameras see it, in a's axes: what a sees minus what b sees in the middle of
+/// their common time.
+struct FlightDifference {
+  Eigen::Matrix<double, 6, 1> value;       ///< position [m], velocity [m/s]
+  Eigen::Matrix<double, 6, 6> covariance;  ///< the alignment's own not included
+  Eigen::Matrix<double, 6, 5> J;           ///< by heading, translation, offset, where it vanishes
+
+  double chi2() const;
+};
+FlightDifference difference(const CameraAlignment& at, const CameraFlight& a,
+                            const CameraFlight& b);
+
 /// Moment of the highest point on the flight's own clock, seconds after the flight's epoch.
 double apex_s(const CameraFlight& flight);
 

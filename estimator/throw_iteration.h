@@ -25,7 +25,7 @@ struct ThrowIterationSettings {
 /// within a sweep every throw weighs the same (a reset at each throw would let the last one win);
 /// between sweeps the gains come back to life (a covariance kept for ever stalls); and what a rough
 /// start gets wrong of a prediction is an angle, whatever the lens: two degrees keep that inside
-/// what the filter believes of its innovations. Held at 3 px, wide lenses lost one start in 50.
+/// what the filter believes of its innovations. Held at 3 px, wide lenses lost one start in 30.
 /// In the end the rig is held and each ball estimated once more, for the throws that came after its
 /// own have moved the rig. The filter counts sightings many times, so its own covariance is not the
 /// truth's: the refinement's is.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/support/jacobian_check.h"
 #include "tests/support/thrower.h"
 
 namespace throwcal {
@@ -134,6 +135,26 @@ TEST(FlightAlignment, LevelAxesPointUpwards) {
     EXPECT_NEAR(L.determinant(), 1.0, 1e-12);
     EXPECT_LT((L * gravity.normalized() + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
   }
+}
+
+TEST(FlightAlignment, ItsJacobianIsTheDerivativeWhereTheFlightsAgree) {
+  const Thrown scene = make_thrown({.sigma_px = 1e-7, .max_offset_s = 0.01});
+  const auto pairs = shared_flights(scene, 0, 1);
+  const auto aligned = align_cameras(pairs);
+  ASSERT_TRUE(aligned);
+  const auto& [a, b] = pairs[0];
+  const FlightDifference at = difference(*aligned, a, b);
+  EXPECT_LT(at.value.norm(), 1e-3);
+  test::expect_jacobian(
+      [&](const Eigen::VectorXd& d) {
+        CameraAlignment moved = *aligned;
+        moved.T_a_b.rotation =
+            exp_so3(-d[0] * a.gravity_cam_mps2.normalized()) * moved.T_a_b.rotation;
+        moved.T_a_b.translation += d.segment<3>(1);
+        moved.offset_b_minus_a_s += d[4];
+        return Eigen::VectorXd(difference(moved, a, b).value);
+      },
+      at.J, 1e-5, 1e-4);
 }
 
 }  // namespace

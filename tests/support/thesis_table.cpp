@@ -94,9 +94,11 @@ void expect_poses_not_above_thesis(const ThesisComparison& c) {
 }
 
 void expect_reprojection_not_above_thesis(const ThesisComparison& c) {
-  const ThesisErrors& ours = c.experiment.is_drop ? c.filter : c.full.errors;
-  for (std::size_t k = 0; k < 2; ++k)
-    EXPECT_LE(ours.reprojection_px[k], std::fmax(c.thesis.reprojection_px[k], c.noise_px[k]));
+  for_each_method(c, [&](const ThesisErrors& ours, const char* method) {
+    for (std::size_t k = 0; k < 2; ++k)
+      EXPECT_LE(ours.reprojection_px[k], std::fmax(c.thesis.reprojection_px[k], c.noise_px[k]))
+          << method;
+  });
 }
 
 void expect_least_squares(const ThesisComparison& c) {
