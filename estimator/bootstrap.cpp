@@ -14,7 +14,7 @@ namespace {
 constexpr double unknown_drag_sigma_per_m =
     0.03;  // of a thrown ball: a tennis ball has 0.018, table tennis 0.12
 constexpr double max_offset_s = 0.2;
-constexpr std::size_t enough_sightings = 30;
+constexpr std::size_t enough_sightings = 18;
 constexpr double gate_chi2 = 200.0;  // the pairs are given, only their fits may be off
 
 FlightFitSettings fit_settings(const RigDescription& rig, const CameraDescription& camera) {
@@ -26,10 +26,10 @@ FlightFitSettings fit_settings(const RigDescription& rig, const CameraDescriptio
   return out;
 }
 
-/// What a start needs of a track: at most `enough_sightings`, spread over all of it, with the noise
-/// that the rig states, where it does. The refinement takes them all.
+/// What a start needs of a track: `enough_sightings` and less than twice as many, spread over all
+/// of it, with the noise that the rig states, where it does. The refinement takes them all.
 Track thinned(const Track& track, const CameraDescription& camera) {
-  const std::size_t stride = (track.sightings.size() + enough_sightings - 1) / enough_sightings;
+  const std::size_t stride = std::max<std::size_t>(1, track.sightings.size() / enough_sightings);
   Track out{track.camera, {}};
   for (std::size_t i = 0; i < track.sightings.size(); i += stride) {
     out.sightings.push_back(track.sightings[i]);

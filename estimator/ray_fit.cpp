@@ -10,6 +10,7 @@ namespace throwcal {
 namespace {
 
 constexpr int max_steps = 30;
+constexpr double enough_gain = 1e-3;  // of chi-square: a thirtieth of a sigma
 constexpr double huber_sigmas = 2.0;
 
 using Vector9d = Eigen::Matrix<double, 9, 1>;
@@ -269,7 +270,7 @@ bool descend(const RayProblem& problem, FlightUnknowns& x) {
         damping = std::max(damping * 10.0, 1e-4);
       }
     }
-    if (!better || gain < 1e-5 + 1e-8 * best) break;
+    if (!better || gain < enough_gain) break;
   }
   return std::isfinite(best);
 }

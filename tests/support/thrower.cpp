@@ -23,18 +23,13 @@ struct Draw {
 void add_cameras(Thrown& out, const ThrowerSettings& s, Draw& draw) {
   const double radius = s.side_m / std::sqrt(2.0);
   for (int k = 0; k < s.cameras; ++k) {
-    const double angle = 2 * pi * k / s.cameras - 0.75 * pi;
+    const double angle = s.arc_rad * k / s.cameras - 0.75 * pi;
     const Eigen::Vector3d centre(radius * std::cos(angle), radius * std::sin(angle),
                                  1.2 + draw.uniform(-0.1, 0.1));
     const Eigen::Vector3d target(draw.uniform(-0.2, 0.2), draw.uniform(-0.2, 0.2),
                                  1.5 + draw.uniform(-0.2, 0.2));
     out.T_world_cam.push_back(look_at(centre, target, draw.uniform(-0.05, 0.05)));
-    CameraModel model{.width_px = 1280,
-                      .height_px = 720,
-                      .fx_px = 900,
-                      .fy_px = 900,
-                      .cx_px = 639.5,
-                      .cy_px = 359.5};
+    CameraModel model = s.model;
     model.row_time_s = s.row_time_s;
     out.rig.cameras.push_back({"cam" + std::to_string(k + 1), model,
                                s.state_sigma ? std::optional(s.sigma_px) : std::nullopt});
@@ -109,7 +104,8 @@ Thrown make_thrown(const ThrowerSettings& s) {
         Eigen::Vector2d measured =
             *pixel + Eigen::Vector2d(draw.normal(s.sigma_px), draw.normal(s.sigma_px));
         if (draw.uniform(0, 1) < s.outlier_fraction)
-          measured = {draw.uniform(0, 1279), draw.uniform(0, 719)};
+          measured = {draw.uniform(0, s.model.width_px - 1),
+                      draw.uniform(0, s.model.height_px - 1)};
         track.sightings.push_back(
             {static_cast<CameraId>(k), HostTime(from_seconds(true_s - out.time_offset_s[k])),
              measured, s.sigma_px * s.sigma_px * Eigen::Matrix2d::Identity(), std::nullopt, id++});

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "estimator/observation.h"
@@ -14,6 +15,13 @@ struct ThrowerSettings {
   int cameras = 4;  ///< on a circle through a square's corners, looking at its middle
   int throws = 5;
   double side_m = 6.0;
+  double arc_rad = 2 * std::numbers::pi;  ///< of the circle that the cameras share out
+  CameraModel model{.width_px = 1280,
+                    .height_px = 720,
+                    .fx_px = 900,
+                    .fy_px = 900,
+                    .cx_px = 639.5,
+                    .cy_px = 359.5};  ///< of every camera
   double sigma_px = 0.2;
   bool state_sigma = true;  ///< whether the rig says sigma_px
   double frames_per_s = 60.0;
