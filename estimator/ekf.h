@@ -29,8 +29,9 @@ class Ekf {
  public:
   Ekf(const RigDescription& rig, const RigState& start, const EkfSettings& settings);
 
-  void reset_rig_covariance();              ///< to the wide prior
-  void hold_rig();                          ///< as known exactly: from now on only balls move
+  void reset_rig_covariance();  ///< to the wide prior
+  void hold_rig();              ///< as known exactly: from now on only balls move
+  void believe_noise(double noise_rad) { settings_.noise_rad = noise_rad; }
   void start_throw(const BallState& ball);  ///< ball at time 0 of the throw, forgotten but for this
 
   void predict(double time_s);  ///< flies the ball to a time, of either sense

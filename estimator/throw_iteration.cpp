@@ -3,11 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "estimator/linearisation.h"
 
 namespace throwcal {
 namespace {
 
 constexpr int last_passes = 2;  // over each ball, with the rig held
+constexpr double misfits_believed = 3.0, least_noise_rad = 0.005, still_better = 0.99;
 
 /// Forward over a throw, and for the RB-EKF backward again; returns the ball at the epoch as the
 /// pass leaves it.
@@ -35,6 +39,24 @@ void turn_to_face_x(Solution& at) {
     ball = {half_turn * ball.position_m, half_turn * ball.velocity_mps};
 }
 
+/// Median distance of what was seen from what is predicted, as an angle [rad].
+double median_misfit_rad(const RigDescription& rig, const std::vector<TimedThrow>& throws,
+                         const Solution& at) {
+  const auto residuals = claimed_residuals(rig, throws, at);
+  std::vector<double> sizes;
+  for (std::size_t j = 0; j < throws.size(); ++j)
+    for (std::size_t i = 0; i < residuals[j].size(); ++i) {
+      const TimedSighting& s = throws[j].sightings[i];
+      const double size_px = (s.whitening.inverse() * residuals[j][i]).norm();
+      if (at.rig.is_placed[s.camera] && std::isfinite(size_px))
+        sizes.push_back(size_px / rig.cameras[s.camera].model.fx_px);
+    }
+  if (sizes.empty()) return 0.0;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return *middle;
+}
+
 double largest_move(const RigState& a, const RigState& b) {
   double moved = std::abs(a.drag_per_m - b.drag_per_m);
   for (std::size_t k = 0; k < a.cameras(); ++k) {
@@ -53,6 +75,8 @@ Solution iterate_throws(const RigDescription& rig, const std::vector<TimedThrow>
   Solution out = start;
   Ekf filter(rig, start.rig, settings.ekf);
   const int sweeps = method == Method::ekf ? 1 : settings.sweeps;
+  double last_misfit_rad = std::numeric_limits<double>::infinity();
+  bool polishes = false;
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     const RigState before = filter.rig();
     filter.reset_rig_covariance();
@@ -61,6 +85,13 @@ Solution iterate_throws(const RigDescription& rig, const std::vector<TimedThrow>
       out.balls[j] = pass_over(filter, throws[j], from, method == Method::rb_ekf);
     }
     if (settings.progress) settings.progress((sweep + 1.0) / sweeps);
+    out.rig = filter.rig();
+    const double misfit_rad = median_misfit_rad(rig, throws, out);
+    polishes = polishes || misfit_rad > still_better * last_misfit_rad;
+    last_misfit_rad = misfit_rad;
+    filter.believe_noise(polishes ? settings.ekf.noise_rad
+                                  : std::clamp(misfits_believed * misfit_rad, least_noise_rad,
+                                               settings.ekf.noise_rad));
     if (largest_move(before, filter.rig()) < settings.enough) break;
   }
   if (sweeps > 0) {

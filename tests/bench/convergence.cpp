@@ -5,10 +5,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <numbers>
 
 #include "estimator/refinement.h"
 #include "estimator/throw_iteration.h"
 #include "tests/bench/cases.h"
+#include "tests/support/thesis_rig.h"
 #include "tests/support/true_solution.h"
 
 namespace throwcal {
@@ -17,17 +19,44 @@ namespace {
 constexpr int max_sweeps = 15;
 constexpr double still_converged = 3.0;  // times the joint refinement's rms error
 
+struct Recording {
+  RigDescription rig;
+  std::vector<TimedThrow> throws;
+  Solution truth;
+};
+
+Recording of_thrown(const test::Thrown& thrown) {
+  const auto timed = time_throws(thrown.rig, thrown.throws);
+  return {thrown.rig, timed, test::true_solution(thrown, timed)};
+}
+
+/// The rig of the thesis' 6.4 and 6.5 and its first throws, with 0.1 px of noise.
+Recording of_thesis(std::uint64_t seed, std::size_t throws) {
+  constexpr double quarter = 0.5 * std::numbers::pi;
+  test::ThesisExperiment experiment{.name = "6.5", .sigma_px = 0.1};
+  experiment.truth << -0.2, -0.2, -quarter, quarter, quarter, 1.5, 0.2, 1.5;
+  experiment.guess = experiment.truth;
+  const test::ThesisBall first{{0.5, 0, 1}, {-1.2, 4, 1.2}},
+      second{{-0.5, 0.25, 1.3}, {1.2, 3.5, 1.2}};
+  experiment.throws = {{first, first}, {second, second}};
+  experiment.throws.resize(throws);
+  const test::ThesisRecording recording = test::record(experiment, seed);
+  const auto timed = time_throws(recording.rig, recording.throws);
+  return {recording.rig, timed, test::guessed_solution(experiment, recording.rig, timed)};
+}
+
 struct Scene {
   const char* name;
-  test::Thrown (*recording)(std::uint64_t seed);
+  Recording (*record)(std::uint64_t seed);
 };
 
 /// Rotation and position error of a rig, rms over its cameras [rad], [m].
-Eigen::Vector2d error_of(const test::Thrown& truth, const RigState& rig) {
+Eigen::Vector2d error_of(const RigState& truth, const RigState& rig) {
   Eigen::Vector2d squares = Eigen::Vector2d::Zero();
   for (std::size_t k = 0; k < rig.cameras(); ++k) {
-    const Eigen::Matrix<double, 6, 1> error = test::pose_error(truth, rig, k);
-    squares += Eigen::Vector2d(error.tail<3>().squaredNorm(), error.head<3>().squaredNorm());
+    const Rigid &a = truth.T_world_cam[k], &b = rig.T_world_cam[k];
+    squares += Eigen::Vector2d(log_so3(a.rotation * b.rotation.transpose()).squaredNorm(),
+                               (a.translation - b.translation).squaredNorm());
   }
   return (squares / static_cast<double>(rig.cameras())).cwiseSqrt();
 }
@@ -50,16 +79,14 @@ void run(const Scene& scene, int starts) {
   std::vector<std::vector<Eigen::Vector2d>> errors(max_sweeps + 1);  // [sweep][start]
   std::vector<Eigen::Vector2d> refined;
   for (int seed = 1; seed <= starts; ++seed) {
-    const test::Thrown thrown = scene.recording(static_cast<std::uint64_t>(seed));
-    const auto timed = time_throws(thrown.rig, thrown.throws);
-    const Solution truth = test::true_solution(thrown, timed);
+    const Recording of = scene.record(static_cast<std::uint64_t>(seed));
     const Solution start =
-        test::rough_start(truth, 0.3, 0.5, 1.0, static_cast<std::uint64_t>(seed));
-    refined.push_back(error_of(thrown, refine(thrown.rig, timed, truth).solution.rig));
+        test::rough_start(of.truth, 0.3, 0.5, 1.0, static_cast<std::uint64_t>(seed));
+    refined.push_back(error_of(of.truth.rig, refine(of.rig, of.throws, of.truth).solution.rig));
     for (int sweeps = 0; sweeps <= max_sweeps; ++sweeps)
       errors[sweeps].push_back(error_of(
-          thrown,
-          iterate_throws(thrown.rig, timed, start, Method::rb_ekf, {.ekf = {}, .sweeps = sweeps})
+          of.truth.rig,
+          iterate_throws(of.rig, of.throws, start, Method::rb_ekf, {.ekf = {}, .sweeps = sweeps})
               .rig));
   }
   const Eigen::Vector2d bound = rms(refined, std::vector<char>(refined.size(), 1));
@@ -89,11 +116,13 @@ void run(const Scene& scene, int starts) {
 int main(int count, char** arguments) {
   const int starts = count > 1 ? std::atoi(arguments[1]) : 200;
   std::puts("scene,sweep,median,p10,p90,converged,ratio_rotation,ratio_position");
-  using throwcal::bench::thesis_rig;
-  throwcal::run({"2 cameras, 1 throw", [](auto seed) { return thesis_rig(seed, 1, 0.1); }}, starts);
-  throwcal::run({"2 cameras, 2 throws", [](auto seed) { return thesis_rig(seed, 2, 0.1); }},
-                starts);
-  throwcal::run({"4 cameras, 5 throws",
-                 [](auto seed) { return throwcal::test::make_thrown({.seed = seed}); }},
-                starts);
+  using namespace throwcal;
+  run({"thesis 6.4, 1 throw", [](auto seed) { return of_thesis(seed, 1); }}, starts);
+  run({"thesis 6.5, 2 throws", [](auto seed) { return of_thesis(seed, 2); }}, starts);
+  run({"2 cameras 4 m away, 2 throws",
+       [](auto seed) { return of_thrown(bench::thesis_rig(seed, 2, 0.1)); }},
+      starts);
+  run({"4 cameras, 5 throws",
+       [](auto seed) { return of_thrown(test::make_thrown({.seed = seed})); }},
+      starts);
 }
