@@ -60,6 +60,7 @@ void demand_agreement(const Case& of) {
 void add_contenders(const Case& of) {
   const auto add = [&](const char* name, auto work) {
     benchmark::RegisterBenchmark((of.name + "/" + name).c_str(), work)
+        ->MeasureProcessCPUTime()
         ->Unit(benchmark::kMillisecond);
   };
   const RigDescription& rig = of.thrown.rig;
@@ -94,6 +95,37 @@ void add_contenders(const Case& of) {
   });
 }
 
+/// Why CeresChoice's defaults are what they are: solve and covariance with each of the others.
+void add_choices(const Case& of) {
+  const auto add = [&](const char* name, auto change) {
+    CeresChoice choice;
+    change(choice);
+    benchmark::RegisterBenchmark(("choice/" + of.name + "/" + name).c_str(),
+                                 [&of, choice](benchmark::State& state) {
+                                   CeresRival rival(of.thrown.rig, of.throws, of.start, choice);
+                                   for (auto _ : state) {
+                                     rival.set_start(of.start);
+                                     rival.solve();
+                                     benchmark::DoNotOptimize(rival.covariance());
+                                   }
+                                 })
+        ->MeasureProcessCPUTime()
+        ->Unit(benchmark::kMillisecond);
+  };
+  add("chosen", [](CeresChoice&) {});
+  add("two_threads", [](CeresChoice& c) { c.threads = 2; });
+  add("dense_Schur_LAPACK", [](CeresChoice& c) { c.dense = ceres::LAPACK; });
+  add("sparse_Schur_SuiteSparse", [](CeresChoice& c) { c.solver = ceres::SPARSE_SCHUR; });
+  add("sparse_Schur_Eigen",
+      [](CeresChoice& c) { c.solver = ceres::SPARSE_SCHUR, c.sparse = ceres::EIGEN_SPARSE; });
+  add("sparse_Cholesky", [](CeresChoice& c) { c.solver = ceres::SPARSE_NORMAL_CHOLESKY; });
+  add("dense_Cholesky", [](CeresChoice& c) { c.solver = ceres::DENSE_NORMAL_CHOLESKY; });
+  add("first_radius_1e4", [](CeresChoice& c) { c.first_radius = 1e4; });
+  add("covariance_Eigen_sparse_QR",
+      [](CeresChoice& c) { c.covariance_sparse = ceres::EIGEN_SPARSE; });
+  add("covariance_dense_SVD", [](CeresChoice& c) { c.covariance = ceres::DENSE_SVD; });
+}
+
 /// 1000 RB-EKF throw iterations of 2 cameras x 30 frames: 120 000 predictions and updates.
 void throw_iterations(benchmark::State& state) {
   const test::Thrown thrown = thesis_rig(1, 1, 0.1);
@@ -112,7 +144,7 @@ int main(int argc, char** argv) {
   using namespace throwcal::bench;
   const std::vector<Case> cases{four_cameras(false), four_cameras(true)};
   for (const Case& of : cases) demand_agreement(of);
-  for (const Case& of : cases) add_contenders(of);
+  for (const Case& of : cases) add_contenders(of), add_choices(of);
   benchmark::RegisterBenchmark("1000_throw_iterations", throw_iterations)
       ->Unit(benchmark::kMillisecond);
   benchmark::Initialize(&argc, argv);

@@ -2,9 +2,10 @@
 #include "tests/bench/ceres_rival.h"
 
 #include <array>
-#include <cassert>
+#include <cmath>
+#include <utility>
 
-#include "estimator/flight_path.h"
+#include "estimator/linearisation.h"
 
 namespace throwcal::bench {
 namespace {
@@ -47,20 +48,18 @@ class PoseManifold : public ceres::Manifold {
 
 }  // namespace
 
-/// The parameters, and what all cost functions read: unfolded once an evaluation.
+/// The parameters, and the linearisation that all cost functions read: made once an evaluation.
 class CeresRival::Shared : public ceres::EvaluationCallback {
  public:
   Shared(const RigDescription& rig, const std::vector<TimedThrow>& throws, const Solution& start)
-      : rig_(rig), throws_(throws), state_(start.rig), layout_(rig, start.rig) {
-    poses_.resize(state_.cameras());
+      : rig_(rig), throws_(throws), layout_(rig, start.rig) {
+    poses_.resize(start.rig.cameras());
     balls_.resize(throws.size());
-    is_parabola_ = !rig.ball.estimate_drag && start.rig.drag_per_m == 0.0;
-    for (const TimedThrow& thrown : throws) flights_.emplace_back(thrown.sightings.size());
     set(start);
   }
 
   void set(const Solution& at) {
-    state_ = at.rig;
+    at_ = at;
     for (std::size_t k = 0; k < poses_.size(); ++k) {
       rotation(poses_[k].data()) = at.rig.T_world_cam[k].rotation;
       Eigen::Map<Eigen::Vector3d>(poses_[k].data() + 9) = at.rig.T_world_cam[k].translation;
@@ -68,117 +67,84 @@ class CeresRival::Shared : public ceres::EvaluationCallback {
     for (std::size_t j = 0; j < balls_.size(); ++j)
       Eigen::Map<Eigen::Matrix<double, ball_size, 1>>(balls_[j].data()) << at.balls[j].position_m,
           at.balls[j].velocity_mps;
+  }
+
+  /// Ceres asks for a point's residuals first and, where it likes them, for its Jacobians then:
+  /// both are made at once, as in our own descent.
+  void PrepareForEvaluation(bool, bool is_new) override {
+    if (!is_new && !linear_.rows.empty()) return;
     unfold();
+    linearise(rig_, throws_, at_, linear_);
   }
 
-  void PrepareForEvaluation(bool wants_jacobians, bool is_new) override {
-    if (is_new) unfold();
-    if (!is_new && (!wants_jacobians || has_jacobians_)) return;
-    has_jacobians_ = wants_jacobians;
-    if (is_parabola_) return;  // cheaper anew at each sighting than fetched from memory
-    for (std::size_t j = 0; j < throws_.size(); ++j) {
-      const auto& sightings = throws_[j].sightings;
-      if (wants_jacobians) {
-        FlightPath path(ball(j), gravity(), state_.drag_per_m, FlightPath::Wants::sensitivities,
-                        true);
-        for (std::size_t i = 0; i < sightings.size(); ++i)
-          flights_[j][i] = path.at(moment_s(state_, sightings[i]));
-        continue;
-      }
-      FlightPath path(ball(j), gravity(), state_.drag_per_m, FlightPath::Wants::state, false);
-      for (std::size_t i = 0; i < sightings.size(); ++i)
-        flights_[j][i].state = path.at(moment_s(state_, sightings[i])).state;
-    }
+  const Solution& unfold() {
+    for (std::size_t k = 0; k < poses_.size(); ++k)
+      at_.rig.T_world_cam[k] = {rotation(poses_[k].data()),
+                                Eigen::Map<const Eigen::Vector3d>(poses_[k].data() + 9)};
+    for (std::size_t j = 0; j < balls_.size(); ++j)
+      at_.balls[j] = {Eigen::Map<const Eigen::Vector3d>(balls_[j].data()),
+                      Eigen::Map<const Eigen::Vector3d>(balls_[j].data() + 3)};
+    turns_ = camera_one_turns(at_.rig.T_world_cam[0]);
+    return at_;
   }
-
-  BallState ball(std::size_t j) const {
-    const double* b = balls_[j].data();
-    return {{b[0], b[1], b[2]}, {b[3], b[4], b[5]}};
-  }
-  Eigen::Vector3d gravity() const { return {0, 0, -rig_.gravity_mps2}; }
 
   const RigDescription& rig_;
   const std::vector<TimedThrow>& throws_;
-  RigState state_;  // offsets and drag are parameter blocks themselves, poses are unfolded
   RigLayout layout_;
-  Eigen::Matrix<double, 3, 2> turns_;
+  Solution at_;  // its offsets and its drag are parameter blocks themselves
   std::vector<PoseBlock> poses_;
   std::vector<std::array<double, ball_size>> balls_;
-  std::vector<std::vector<Propagation>> flights_;
-  bool is_parabola_ = false, has_jacobians_ = false;
-
- private:
-  void unfold() {
-    for (std::size_t k = 0; k < poses_.size(); ++k)
-      state_.T_world_cam[k] = {rotation(poses_[k].data()),
-                               Eigen::Map<const Eigen::Vector3d>(poses_[k].data() + 9)};
-    turns_ = camera_one_turns(state_.T_world_cam[0]);
-  }
+  Eigen::Matrix<double, 3, 2> turns_;
+  Linearisation linear_;
 };
 
 namespace {
 
-/// Parameter blocks: ball, pose, then the offset and the drag where they are estimated.
+/// Parameter blocks: ball, pose, then the offset and the drag where they are estimated. All that is
+/// left to do is to copy.
 template <typename Shared, int... sizes>
 class SightingCost : public ceres::SizedCostFunction<2, ball_size, pose_numbers, sizes...> {
  public:
   SightingCost(const Shared& shared, std::size_t j, std::size_t i, bool has_offset, bool has_drag)
-      : shared_(shared), throw_(j), index_(i), has_offset_(has_offset), has_drag_(has_drag) {}
+      : shared_(shared),
+        throw_(j),
+        index_(i),
+        is_first_(shared.throws_[j].sightings[i].camera == 0),
+        has_offset_(has_offset),
+        has_drag_(has_drag) {}
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
-    const TimedSighting& s = shared_.throws_[throw_].sightings[index_];
-    double velocity_time_s = 0.0;
-    BallState ball;
-    if (shared_.is_parabola_) {
-      velocity_time_s = moment_s(shared_.state_, s);
-      ball = fly(shared_.ball(throw_), velocity_time_s, shared_.gravity(), 0.0);
-    } else {
-      ball = shared_.flights_[throw_][index_].state;
-    }
-    Eigen::Map<Eigen::Vector2d> out(residuals);
-    if (!jacobians) {
-      const auto residual = residual_px(shared_.state_, ball, s);
-      if (!residual) return false;
-      out = s.whitening * *residual;
-      return true;
-    }
-    SightingModel model;
-    if (!model_sighting(shared_.state_, ball, s, false, true, model)) return false;
-    out = model.residual_px;
-    const Eigen::Matrix<double, 2, 3> J_position = -model.J_position;  // measured minus predicted
-    if (double* block = jacobians[0]) {
-      Eigen::Map<Eigen::Matrix<double, 2, ball_size, Eigen::RowMajor>> J(block);
-      J.leftCols<3>() = J_position;
-      if (shared_.is_parabola_)
-        J.rightCols<3>() = velocity_time_s * J_position;
-      else
-        J.rightCols<3>() =
-            J_position.lazyProduct(shared_.flights_[throw_][index_].J_position_velocity0);
-    }
-    if (double* block = jacobians[1]) {
-      Eigen::Map<Eigen::Matrix<double, 2, pose_numbers, Eigen::RowMajor>> J(block);
-      J.setZero();
-      const Eigen::Matrix<double, 2, 3> J_rotation = -model.J_rotation;
-      if (s.camera == 0) {
-        J.template leftCols<2>() = J_rotation.lazyProduct(shared_.turns_);
-      } else {
-        J.template leftCols<3>() = -J_position;
-        J.template middleCols<3>(3) = J_rotation;
+    using L = Linearisation;
+    const double* row = shared_.linear_.row(throw_, index_);
+    for (int i = 0; i < 2; ++i, row += shared_.linear_.columns) {
+      residuals[i] = row[L::residual];
+      if (!jacobians) continue;
+      // Minus: the residual is measured minus predicted.
+      if (jacobians[0])
+        for (int c = 0; c < ball_size; ++c) jacobians[0][i * ball_size + c] = -row[c];
+      if (double* pose = jacobians[1] ? jacobians[1] + i * pose_numbers : nullptr) {
+        if (is_first_) {
+          Eigen::RowVector2d::Map(pose) =
+              -Eigen::RowVector3d::Map(row + L::rotation) * shared_.turns_;
+          std::fill(pose + 2, pose + pose_numbers, 0.0);
+        } else {
+          for (int c = 0; c < 3; ++c)
+            pose[c] = row[L::position + c], pose[3 + c] = -row[L::rotation + c];
+          std::fill(pose + 6, pose + pose_numbers, 0.0);
+        }
       }
+      int next = 2;
+      if (has_offset_)
+        if (double* offset = jacobians[next++]) offset[i] = -row[L::offset];
+      if (has_drag_ && jacobians[next]) jacobians[next][i] = -row[L::drag];
     }
-    int next = 2;
-    if (has_offset_)
-      if (double* block = jacobians[next++]) Eigen::Vector2d::Map(block) = -model.J_offset;
-    if (has_drag_)
-      if (double* block = jacobians[next])
-        Eigen::Vector2d::Map(block) = J_position * shared_.flights_[throw_][index_].J_position_drag;
-    return true;
+    return std::isfinite(residuals[0]);
   }
 
  private:
   const Shared& shared_;
   std::size_t throw_, index_;
-  bool has_offset_, has_drag_;
+  bool is_first_, has_offset_, has_drag_;
 };
 
 }  // namespace
@@ -202,10 +168,10 @@ CeresRival::CeresRival(const RigDescription& rig, const std::vector<TimedThrow>&
     problem_->AddParameterBlock(shared_->poses_[k].data(), pose_numbers, manifold);
     order->AddElementToGroup(shared_->poses_[k].data(), 1);
     if (!shared_->layout_.camera(k).offset) continue;
-    problem_->AddParameterBlock(&shared_->state_.time_offset_s[k], 1);
-    order->AddElementToGroup(&shared_->state_.time_offset_s[k], 1);
+    problem_->AddParameterBlock(&shared_->at_.rig.time_offset_s[k], 1);
+    order->AddElementToGroup(&shared_->at_.rig.time_offset_s[k], 1);
   }
-  double* const drag = shared_->layout_.drag() ? &shared_->state_.drag_per_m : nullptr;
+  double* const drag = shared_->layout_.drag() ? &shared_->at_.rig.drag_per_m : nullptr;
   if (drag) {
     problem_->AddParameterBlock(drag, 1);
     order->AddElementToGroup(drag, 1);
@@ -216,7 +182,7 @@ CeresRival::CeresRival(const RigDescription& rig, const std::vector<TimedThrow>&
       double* const ball = shared_->balls_[j].data();
       double* const pose = shared_->poses_[k].data();
       double* const offset =
-          shared_->layout_.camera(k).offset ? &shared_->state_.time_offset_s[k] : nullptr;
+          shared_->layout_.camera(k).offset ? &shared_->at_.rig.time_offset_s[k] : nullptr;
       if (offset && drag)
         problem_->AddResidualBlock(new SightingCost<Shared, 1, 1>(*shared_, j, i, true, true),
                                    nullptr, ball, pose, offset, drag);
@@ -258,24 +224,16 @@ Eigen::MatrixXd CeresRival::covariance() {
   std::vector<const double*> blocks;
   for (std::size_t k = 0; k < shared_->poses_.size(); ++k) {
     blocks.push_back(shared_->poses_[k].data());
-    if (shared_->layout_.camera(k).offset) blocks.push_back(&shared_->state_.time_offset_s[k]);
+    if (shared_->layout_.camera(k).offset) blocks.push_back(&shared_->at_.rig.time_offset_s[k]);
   }
-  if (shared_->layout_.drag()) blocks.push_back(&shared_->state_.drag_per_m);
+  if (shared_->layout_.drag()) blocks.push_back(&shared_->at_.rig.drag_per_m);
   if (!covariance.Compute(blocks, problem_.get())) return {};
   RowMajor out(shared_->layout_.size(), shared_->layout_.size());
   if (!covariance.GetCovarianceMatrixInTangentSpace(blocks, out.data())) return {};
   return out;
 }
 
-Solution CeresRival::solution() const {
-  Solution out{shared_->state_, {}};
-  for (std::size_t k = 0; k < shared_->poses_.size(); ++k) {
-    const double* block = shared_->poses_[k].data();
-    out.rig.T_world_cam[k] = {rotation(block), Eigen::Map<const Eigen::Vector3d>(block + 9)};
-  }
-  for (std::size_t j = 0; j < shared_->balls_.size(); ++j) out.balls.push_back(shared_->ball(j));
-  return out;
-}
+Solution CeresRival::solution() const { return shared_->unfold(); }
 
 double CeresRival::cost() const {
   double half = 0.0;

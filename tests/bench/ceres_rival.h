@@ -26,8 +26,8 @@ struct CeresChoice {
 };
 
 /// The joint refinement's last problem in Ceres: all sightings, each once, plain least squares (the
-/// gate takes none of these out), the same residuals and the same analytic Jacobians. The flights
-/// and the poses are unfolded once an evaluation, not once a sighting, by an EvaluationCallback.
+/// gate takes none of these out), the same residuals and the same analytic Jacobians: those of our
+/// own linearise(), called once an evaluation by an EvaluationCallback.
 class CeresRival {
  public:
   CeresRival(const RigDescription& rig, const std::vector<TimedThrow>& throws,
