@@ -53,10 +53,9 @@ struct Imagined {
   std::vector<CameraId> cameras;
 };
 
-Imagined imagine(const RigDescription& rig, const Refinement& at,
+Imagined imagine(const RigDescription& rig, const RigState& state,
                  const std::vector<Viewer>& viewers, const BallState& release) {
   Imagined out{release, {}, {}};
-  const RigState& state = at.solution.rig;
   std::vector<int> seen(viewers.size(), 0);
   for (int i = 0; i < moments; ++i) {
     const double time_s = (i + 0.5) * flight_s / moments;
@@ -79,14 +78,12 @@ Imagined imagine(const RigDescription& rig, const Refinement& at,
   return out;
 }
 
-Eigen::MatrixXd information_of(const RigDescription& rig, const Refinement& at,
-                               const Imagined& imagined) {
+Eigen::MatrixXd information_of(const RigDescription& rig, const RigState& state,
+                               const RigLayout& layout, const Imagined& imagined) {
   const Weighting weighting{{std::vector<char>(imagined.thrown.sightings.size(), 1)},
-                            std::vector<double>(at.solution.rig.cameras(), 1.0)};
-  return eliminate_balls(
-             normal_equations(rig, {imagined.thrown}, {at.solution.rig, {imagined.release}},
-                              at.layout, weighting),
-             0.0)
+                            std::vector<double>(state.cameras(), 1.0)};
+  const Solution there{state, {imagined.release}};
+  return eliminate_balls(normal_equations(rig, {imagined.thrown}, there, layout, weighting), 0.0)
       .information;
 }
 
@@ -192,8 +189,8 @@ std::optional<NextThrow> best_next_throw(const RigDescription& rig,
   const Worst now = worst_of(rig, at, covariance);
   if (now.over_target == 0.0) return std::nullopt;
 
-  // First how fast each throw's information would begin to lower the worst camera's variances
-  // (trace of the derivative of (I + s dI)^-1 by s), then the best few exactly.
+  // First, without air, how fast each throw's information would begin to lower the worst camera's
+  // variances (trace of the derivative of (I + s dI)^-1 by s), then the best few exactly.
   const RigLayout::Camera& worst = at.layout.camera(now.camera);
   const int free = now.camera == 0 ? 2 : 6;
   Eigen::MatrixXd answer = covariance.middleCols(worst.start, free);
@@ -201,10 +198,15 @@ std::optional<NextThrow> best_next_throw(const RigDescription& rig,
     answer.col(i) /= i < worst.rotation ? rig.target.position_m : rig.target.rotation_rad;
   std::vector<Imagined> seen;
   std::vector<double> promise;
+  RigDescription airless = rig;
+  airless.ball.estimate_drag = false;
+  RigState state = at.solution.rig;
+  state.drag_per_m = 0.0;
   for (const BallState& release : releases(rig, throws, at)) {
-    Imagined imagined = imagine(rig, at, viewers, release);
+    Imagined imagined = imagine(airless, state, viewers, release);
     if (imagined.cameras.size() < 2) continue;
-    promise.push_back((information_of(rig, at, imagined) * answer).cwiseProduct(answer).sum());
+    const Eigen::MatrixXd added = information_of(airless, state, at.layout, imagined);
+    promise.push_back((added * answer).cwiseProduct(answer).sum());
     seen.push_back(std::move(imagined));
   }
   std::vector<std::size_t> order(seen.size());
@@ -216,15 +218,18 @@ std::optional<NextThrow> best_next_throw(const RigDescription& rig,
   std::optional<NextThrow> best;
   double lowest = now.over_target;
   for (std::size_t i : order) {
-    const Eigen::MatrixXd after = inverse_of(at.information + information_of(rig, at, seen[i]));
+    const Imagined flown = imagine(rig, at.solution.rig, viewers, seen[i].release);
+    if (flown.cameras.size() < 2) continue;
+    const Eigen::MatrixXd after =
+        inverse_of(at.information + information_of(rig, at.solution.rig, at.layout, flown));
     const double over = worst_of(rig, at, after).over_target;
     if (over >= lowest) continue;
     lowest = over;
     const Eigen::Matrix<double, 6, 1> variance =
         at.layout.pose_covariance(now.camera, at.solution.rig, after).diagonal();
-    best = NextThrow{seen[i].release.position_m,
-                     seen[i].release.velocity_mps,
-                     seen[i].cameras,
+    best = NextThrow{flown.release.position_m,
+                     flown.release.velocity_mps,
+                     flown.cameras,
                      now.camera,
                      now.position_m,
                      now.rotation_rad,
