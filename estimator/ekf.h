@@ -31,7 +31,7 @@ class Ekf {
 
   void reset_rig_covariance();  ///< to the wide prior
   void hold_rig();              ///< as known exactly: from now on only balls move
-  void believe_noise(double noise_rad) { settings_.noise_rad = noise_rad; }
+  void believe_noise(double noise_rad) { settings_.noise_rad = noise_rad; }  ///< from now on
   void start_throw(const BallState& ball);  ///< ball at time 0 of the throw, forgotten but for this
 
   void predict(double time_s);  ///< flies the ball to a time, of either sense
