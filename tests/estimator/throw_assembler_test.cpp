@@ -124,14 +124,15 @@ TEST(ThrowAssembler, PiecesOfOneFlightAreJoined) {
   Track& first = thrown.tracks[0];
   second.sightings.erase(second.sightings.begin(), second.sightings.begin() + 20);
   first.sightings.resize(20);
-  thrown.tracks.push_back(second);
+  const CameraId camera = first.camera;
+  thrown.tracks.push_back(second);  // `first` may be gone
   const std::vector<Throw> throws = assemble(scene);
   ASSERT_EQ(throws.size(), 3u);
   EXPECT_EQ(std::count_if(throws[1].tracks.begin(), throws[1].tracks.end(),
-                          [&](const Track& track) { return track.camera == first.camera; }),
+                          [&](const Track& track) { return track.camera == camera; }),
             1);
   for (const Track& track : throws[1].tracks)
-    if (track.camera == first.camera) {
+    if (track.camera == camera) {
       EXPECT_GT(track.sightings.size(), 40u);
     }
 }
