@@ -212,6 +212,11 @@ std::optional<CameraAlignment> align_cameras(std::span<const FlightPair> shared,
     if (c >= lowest) continue;
     lowest = c;
     best = x;
+    // All agree: no subset explains more. (The first hypothesis is all pairs.)
+    if (std::all_of(shared.begin(), shared.end(), [&](const FlightPair& pair) {
+          return mismatch_chi2(x, pair.first, pair.second) <= settings.gate_chi2;
+        }))
+      break;
   }
   for (int round = 0; best && round < 3; ++round) {
     best->used.assign(shared.size(), false);
