@@ -69,10 +69,16 @@ int step_count(double step_s) {
 
 Propagation propagate(const BallState& state, double step_s, const Eigen::Vector3d& gravity_mps2,
                       double drag_per_m) {
-  Propagation out{state, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(),
-                  Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  return propagate_on({state, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(),
+                       Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()},
+                      step_s, gravity_mps2, drag_per_m);
+}
+
+Propagation propagate_on(const Propagation& from, double step_s,
+                         const Eigen::Vector3d& gravity_mps2, double drag_per_m) {
+  Propagation out = from;
   if (step_s == 0.0) return out;
-  Variation v{state.velocity_mps, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()};
+  Variation v{from.state.velocity_mps, from.J_velocity_velocity0, from.J_velocity_drag};
   const int steps = step_count(step_s);
   for (int i = 0; i < steps; ++i)
     advance(out.state.position_m, out.J_position_velocity0, out.J_position_drag, v, step_s / steps,

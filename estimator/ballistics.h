@@ -32,6 +32,10 @@ struct Propagation {
 Propagation propagate(const BallState& state, double step_s, const Eigen::Vector3d& gravity_mps2,
                       double drag_per_m);
 
+/// Further on: the derivatives stay by the state that `from` began at.
+Propagation propagate_on(const Propagation& from, double step_s,
+                         const Eigen::Vector3d& gravity_mps2, double drag_per_m);
+
 /// The state alone; cheaper where no derivative is wanted.
 BallState fly(const BallState& state, double step_s, const Eigen::Vector3d& gravity_mps2,
               double drag_per_m);

@@ -9,49 +9,39 @@ namespace {
 
 constexpr double node_s = 0.025;
 
-/// A state further on, with the sensitivities to time 0 by the chain rule.
-Propagation further(const Propagation& from, const Propagation& step) {
-  return {step.state,
-          from.J_position_velocity0 + step.J_position_velocity0 * from.J_velocity_velocity0,
-          step.J_velocity_velocity0 * from.J_velocity_velocity0,
-          from.J_position_drag + step.J_position_velocity0 * from.J_velocity_drag +
-              step.J_position_drag,
-          step.J_velocity_velocity0 * from.J_velocity_drag + step.J_velocity_drag};
-}
-
 }  // namespace
 
 FlightPath::FlightPath(const BallState& at_zero, const Eigen::Vector3d& gravity_mps2,
                        double drag_per_m, Wants wants, bool wants_drag_derivative)
-    : gravity_mps2_(gravity_mps2),
+    : at_zero_(at_zero),
+      gravity_mps2_(gravity_mps2),
       drag_per_m_(drag_per_m),
       wants_(wants),
       is_parabola_(drag_per_m == 0.0 && !(wants == Wants::sensitivities && wants_drag_derivative)),
       now_{at_zero, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(),
            Eigen::Vector3d::Zero()} {
-  for (auto& side : nodes_) side.push_back(now_);
+  if (is_parabola_) return;
+  for (auto& side : nodes_) side.reserve(32), side.push_back(now_);
 }
 
-const Propagation& FlightPath::node(int n) {
-  auto& side = nodes_[n < 0];
-  const double step_s = n < 0 ? -node_s : node_s;
-  while (static_cast<int>(side.size()) <= std::abs(n)) {
-    const Propagation& last = side.back();
+const Propagation* FlightPath::nodes_to(int last, bool before) {
+  std::vector<Propagation>& side = nodes_[before];
+  const double step_s = before ? -node_s : node_s;
+  while (static_cast<int>(side.size()) <= last) {
     if (wants_ == Wants::sensitivities) {
-      side.push_back(further(last, propagate(last.state, step_s, gravity_mps2_, drag_per_m_)));
+      side.push_back(propagate_on(side.back(), step_s, gravity_mps2_, drag_per_m_));
     } else {
-      Propagation next = last;
-      next.state = fly(last.state, step_s, gravity_mps2_, drag_per_m_);
-      side.push_back(next);
+      const BallState next = fly(side.back().state, step_s, gravity_mps2_, drag_per_m_);
+      side.emplace_back().state = next;
     }
   }
-  return side[std::abs(n)];
+  return side.data();
 }
 
 void FlightPath::interpolate(double time_s) {
   const int n = static_cast<int>(std::floor(time_s / node_s));
-  node(n), node(n + 1);  // both first: making one may move the other
-  const Propagation &a = node(n), &b = node(n + 1);
+  const Propagation* side = nodes_to(n < 0 ? -n : n + 1, n < 0);
+  const Propagation &a = side[std::abs(n)], &b = side[std::abs(n + 1)];
   const double u = time_s / node_s - n, v = 1 - u;
   const double a0 = v * v * (1 + 2 * u), b0 = u * u * (1 + 2 * v);
   const double a1 = node_s * u * v * v, b1 = -node_s * u * u * v;
@@ -75,7 +65,7 @@ const Propagation& FlightPath::at(double time_s) {
   if (!(std::abs(time_s) <= max_flight_s)) {
     now_.state.position_m.setConstant(std::numeric_limits<double>::quiet_NaN());
   } else if (is_parabola_) {
-    now_.state = fly(nodes_[0][0].state, time_s, gravity_mps2_, 0.0);
+    now_.state = fly(at_zero_, time_s, gravity_mps2_, 0.0);
     now_.J_position_velocity0 = time_s * Eigen::Matrix3d::Identity();
   } else {
     interpolate(time_s);

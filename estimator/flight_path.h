@@ -24,9 +24,11 @@ class FlightPath {
   const Propagation& at(double time_s);
 
  private:
-  const Propagation& node(int n);  ///< at n * node_s
+  /// At multiples of node_s, ahead of time 0 or before it, as far as the last.
+  const Propagation* nodes_to(int last, bool before);
   void interpolate(double time_s);
 
+  BallState at_zero_;
   Eigen::Vector3d gravity_mps2_;
   double drag_per_m_;
   Wants wants_;
