@@ -66,44 +66,63 @@ FOR_WIDE_REGISTERS_TOO void add_products(const std::vector<Weighed>& sightings, 
   }
 }
 
-/// Which mixture of a Linearisation's columns each number of a camera's slice is (slice's size x
-/// columns).
-Eigen::MatrixXd mixture_of(const RigLayout::Camera& camera, std::size_t k, int columns,
-                           const Eigen::Matrix<double, 3, 2>& turns) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(camera.size, columns);
+/// Which of a sum's columns a number of a camera's slice is.
+struct Slot {
+  int column;
+  double sign = 1.0;
+};
+
+std::vector<Slot> slots_of(const RigLayout::Camera& camera, std::size_t k) {
+  std::vector<Slot> out;
   if (camera.size == 0) return out;  // not placed
-  if (k == 0) {
-    out.block<2, 3>(0, Linearisation::rotation) = turns.transpose();
-  } else {
-    // Only where the ball is from the camera matters.
-    out.block<3, 3>(0, Linearisation::position) = -Eigen::Matrix3d::Identity();
-    out.block<3, 3>(3, Linearisation::rotation).setIdentity();
-  }
-  if (camera.offset) out(*camera.offset, Linearisation::offset) = 1.0;
+  if (k > 0)                         // only where the ball is from the camera matters
+    for (int i = 0; i < 3; ++i) out.push_back({Linearisation::position + i, -1.0});
+  for (int i = 0; i < (k == 0 ? 2 : 3); ++i) out.push_back({Linearisation::rotation + i});
+  if (camera.offset) out.push_back({Linearisation::offset});
   for (std::size_t n = 0; n < camera.intrinsics.size(); ++n)
-    out(camera.lens + n, Linearisation::lens + n) = 1.0;
+    out.push_back({Linearisation::lens + static_cast<int>(n)});
   return out;
 }
 
+/// Camera 1's two turns in the place of its rotation's first two columns.
+void mix_turns(const Eigen::Matrix<double, 3, 2>& turns, Eigen::MatrixXd& sum) {
+  for (int c = 0; c < sum.cols(); ++c) {
+    auto rows = sum.col(c).segment<3>(Linearisation::rotation);
+    const Eigen::Vector2d mixed = turns.transpose() * rows;
+    rows.head<2>() = mixed;
+  }
+  for (int r = 0; r < sum.rows(); ++r) {
+    auto columns = sum.row(r).segment<3>(Linearisation::rotation);
+    const Eigen::RowVector2d mixed = columns * turns;
+    columns.head<2>() = mixed;
+  }
+}
+
 /// Puts one camera's sum over one throw where the layout wants it.
-void add_share(const Eigen::MatrixXd& sum, const RigLayout& layout, const RigLayout::Camera& camera,
-               const Eigen::MatrixXd& mixture, NormalEquations& out, NormalEquations::Ball& ball) {
-  constexpr int ball_size = RigLayout::ball_size;
-  const Eigen::MatrixXd mixed = mixture.lazyProduct(sum);
-  const int at = camera.start, size = camera.size;
-  out.information.block(at, at, size, size) += mixed.lazyProduct(mixture.transpose());
-  out.gradient.segment(at, size) += mixed.col(Linearisation::residual);
-  ball.coupling.middleRows(at, size) += mixed.leftCols<ball_size>();
+void add_share(const Eigen::MatrixXd& sum, const RigLayout& layout, int start,
+               const std::vector<Slot>& slots, NormalEquations& out, NormalEquations::Ball& ball) {
+  constexpr int ball_size = RigLayout::ball_size, residual = Linearisation::residual;
+  const int size = static_cast<int>(slots.size());
+  for (int a = 0; a < size; ++a) {
+    const auto [column, sign] = slots[a];
+    for (int b = 0; b < size; ++b)
+      out.information(start + b, start + a) += sign * slots[b].sign * sum(slots[b].column, column);
+    out.gradient[start + a] += sign * sum(residual, column);
+    for (int c = 0; c < ball_size; ++c) ball.coupling(start + a, c) += sign * sum(c, column);
+  }
   ball.information += sum.topLeftCorner<ball_size, ball_size>();
-  ball.gradient += sum.col(Linearisation::residual).head<ball_size>();
+  ball.gradient += sum.col(residual).head<ball_size>();
   if (!layout.drag()) return;
   const int drag = *layout.drag();
-  const auto column = mixed.col(Linearisation::drag);
-  out.information.col(drag).segment(at, size) += column;
-  out.information.row(drag).segment(at, size) += column.transpose();
-  out.information(drag, drag) += sum(Linearisation::drag, Linearisation::drag);
-  out.gradient[drag] += sum(Linearisation::drag, Linearisation::residual);
-  ball.coupling.row(drag) += sum.row(Linearisation::drag).head<ball_size>();
+  const auto of_drag = sum.col(Linearisation::drag);
+  for (int a = 0; a < size; ++a) {
+    const double value = slots[a].sign * of_drag[slots[a].column];
+    out.information(drag, start + a) += value;
+    out.information(start + a, drag) += value;
+  }
+  out.information(drag, drag) += of_drag[Linearisation::drag];
+  out.gradient[drag] += of_drag[residual];
+  ball.coupling.row(drag) += of_drag.head<ball_size>().transpose();
 }
 
 /// R with R R^T the inverse of a ball's information; scaled first, for metres and metres per second
@@ -148,9 +167,8 @@ NormalEquations normal_equations(const std::vector<TimedThrow>& throws, const Li
   NormalEquations out{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size),
                       std::vector<NormalEquations::Ball>(throws.size())};
   const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(rig.T_world_cam[0]);
-  std::vector<Eigen::MatrixXd> mixtures;
-  for (std::size_t k = 0; k < cameras; ++k)
-    mixtures.push_back(mixture_of(layout.camera(k), k, columns, turns));
+  std::vector<std::vector<Slot>> slots;
+  for (std::size_t k = 0; k < cameras; ++k) slots.push_back(slots_of(layout.camera(k), k));
   // Column by column where add_products() counts row by row: the upper triangle.
   std::vector<Eigen::MatrixXd> sums(cameras, Eigen::MatrixXd(columns, columns));
   std::vector<char> takes_part(cameras);
@@ -175,7 +193,8 @@ NormalEquations normal_equations(const std::vector<TimedThrow>& throws, const Li
     for (std::size_t k = 0; k < cameras; ++k) {
       if (!takes_part[k]) continue;
       sums[k].triangularView<Eigen::StrictlyLower>() = sums[k].transpose();
-      add_share(sums[k], layout, layout.camera(k), mixtures[k], out, out.balls[j]);
+      if (k == 0) mix_turns(turns, sums[k]);
+      add_share(sums[k], layout, layout.camera(k).start, slots[k], out, out.balls[j]);
     }
   }
   return out;
