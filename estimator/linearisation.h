@@ -27,7 +27,7 @@ struct Linearisation {
   static constexpr int plain_columns = 12;
 
   int columns = plain_columns;
-  std::vector<std::vector<double>> rows;  ///< of a throw: two rows a sighting, u's and v's
+  std::vector<Eigen::VectorXd> rows;  ///< of a throw: two rows a sighting, u's and v's
 
   const double* row(std::size_t j, std::size_t i) const {
     return rows[j].data() + 2 * static_cast<std::size_t>(columns) * i;

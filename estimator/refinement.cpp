@@ -14,7 +14,7 @@ constexpr double undetermined_eigenvalue =
     1e-12;  // of the scaled information: below it is rounding
 // Squared distance to the optimum, in sigmas, that a descent may leave: while outliers are looked
 // for a third of a sigma a parameter will do, at the end it is a thousandth in all.
-constexpr double near_enough_each = 0.1, at_optimum = 1e-6;
+constexpr double near_enough_each = 0.1, at_optimum = 1e-6, nearly = 1e-4;
 constexpr double least_damping = 1e-9, first_damping = 1e-4, max_damping = 1e8;
 
 struct Problem {
@@ -50,11 +50,12 @@ Step damped_step(const Refinement& from, const NormalEquations& normal, double d
 }
 
 /// Levenberg-Marquardt with weights that follow the residuals: `reweigh` changes them before each
-/// step and says whether the change matters. Ends where a step would be shorter than `enough`,
-/// without taking it, and returns the equations there; nothing where it does not get so far.
-template <typename Reweigh>
+/// step and says whether the change matters; `is_done` may end it after any step. Ends where a step
+/// would be shorter than `enough`, without taking it, and returns the equations there; nothing
+/// where it does not get so far.
+template <typename Reweigh, typename IsDone>
 std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Linearisation& linear,
-                                       double enough, Reweigh reweigh) {
+                                       double enough, Reweigh reweigh, IsDone is_done) {
   double damping = least_damping;
   Linearisation there;
   for (int i = 0; i < p.settings.max_iterations; ++i) {
@@ -67,11 +68,19 @@ std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Lineari
       Step step = damped_step(at, normal, damping);
       if (!reweighed && damping <= first_damping && std::abs(step.decrement) <= enough)
         return normal;
-      linearise(p.rig, p.throws, step.to, there);
-      auto residuals = there.residuals();
+      // Steps converge quadratically: the last needs no new equations.
+      const bool is_last = enough == at_optimum && !reweighed && damping <= first_damping &&
+                           std::abs(step.decrement) <= nearly;
+      PerSighting<Eigen::Vector2d> residuals;
+      if (is_last)
+        residuals = claimed_residuals(p.rig, p.throws, step.to);
+      else
+        linearise(p.rig, p.throws, step.to, there), residuals = there.residuals();
       if (cost(p.throws, residuals, at.weighting) <= current) {  // false for NaN too
         at.solution = std::move(step.to), at.residuals = std::move(residuals);
+        if (is_last) return normal;
         std::swap(linear, there);
+        if (is_done()) return {};
         damping = std::max(0.1 * damping, least_damping);
         break;
       }
@@ -257,8 +266,20 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
   Linearisation linear;
   linearise(rig, throws, start, linear);
   out.residuals = linear.residuals();
-  descend(p, out, linear, near_enough_each * free_parameters(out),
-          [&] { return follow_medians(p, out); });
+  // Where every sigma is stated and nothing lies beyond the gate there are no outliers to look for.
+  const bool all_stated = std::all_of(rig.cameras.begin(), rig.cameras.end(),
+                                      [](const auto& c) { return c.sigma_px.has_value(); });
+  const auto is_clean = [&] {
+    bool clean = all_stated;
+    for_each(throws, [&](std::size_t j, std::size_t i, CameraId) {
+      clean &= !out.weighting.used[j][i] || out.residuals[j][i].squaredNorm() <= settings.gate_chi2;
+    });
+    return clean;
+  };
+  if (!is_clean())
+    descend(
+        p, out, linear, near_enough_each * free_parameters(out),
+        [&] { return follow_medians(p, out); }, is_clean);
   out.weighting.huber_sigmas = 0.0;
   for (std::size_t k = 0; k < rig.cameras.size(); ++k)
     if (rig.cameras[k].sigma_px) out.weighting.noise_scale[k] = 1.0;
@@ -266,8 +287,9 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
     const bool chosen = gate(p, out), measured = measure_noise(p, out);
     return chosen || measured;
   };
-  const auto last = descend(p, out, linear, at_optimum, settle);
+  const auto last = descend(p, out, linear, at_optimum, settle, [] { return false; });
   const bool still_last = !settle() && last;
+  if (!still_last) linearise(rig, throws, out.solution, linear);
   measure_covariance(
       p,
       still_last ? *last
