@@ -9,6 +9,8 @@
 #include <numbers>
 #include <numeric>
 
+#include "estimator/flight_path.h"
+
 namespace throwcal {
 namespace {
 
@@ -85,6 +87,37 @@ Eigen::MatrixXd information_of(const RigDescription& rig, const RigState& state,
   const Solution there{state, {imagined.release}};
   return eliminate_balls(normal_equations(rig, {imagined.thrown}, there, layout, weighting), 0.0)
       .information;
+}
+
+/// How fast a throw's information dI would begin to lower the worst camera's variances: the trace
+/// of answer^T dI answer, its ball free. Sighting by sighting, for dI is large and mostly zero.
+double promise_of(const RigDescription& rig, const RigState& state, const RigLayout& layout,
+                  const Imagined& imagined, const Eigen::MatrixXd& answer) {
+  const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(state.T_world_cam[0]);
+  FlightPath path(imagined.release, {0, 0, -rig.gravity_mps2}, state.drag_per_m,
+                  FlightPath::Wants::sensitivities, rig.ball.estimate_drag);
+  using Answer = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, 6>;
+  using Cross = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>;
+  double own = 0.0;
+  Eigen::Matrix<double, 6, 6> of_ball = Eigen::Matrix<double, 6, 6>::Zero();
+  Cross cross = Cross::Zero(6, answer.cols());
+  SightingModel model;
+  RigLayout::CameraJacobian J_camera;
+  Eigen::Matrix<double, 2, 6> J_ball;
+  for (const TimedSighting& s : imagined.thrown.sightings) {
+    const RigLayout::Camera& camera = layout.camera(s.camera);
+    const Propagation& ball = path.at(moment_s(state, s));
+    if (!model_sighting(state, ball.state, s, !camera.intrinsics.empty(), true, model)) continue;
+    layout.fill_jacobian(s.camera, model, turns, J_camera);
+    J_ball << model.J_position, model.J_position * ball.J_position_velocity0;
+    Answer moved = J_camera.lazyProduct(answer.middleRows(camera.start, camera.size));
+    if (const auto drag = layout.drag())
+      moved += (model.J_position * ball.J_position_drag).eval().lazyProduct(answer.row(*drag));
+    own += moved.squaredNorm();
+    of_ball += J_ball.transpose().lazyProduct(J_ball);
+    cross += J_ball.transpose().lazyProduct(moved);
+  }
+  return own - cross.cwiseProduct(of_ball.ldlt().solve(cross)).sum();
 }
 
 /// Releases to choose from: about where the ball has been thrown before, from the usual height, to
@@ -189,8 +222,7 @@ std::optional<NextThrow> best_next_throw(const RigDescription& rig,
   const Worst now = worst_of(rig, at, covariance);
   if (now.over_target == 0.0) return std::nullopt;
 
-  // First, without air, how fast each throw's information would begin to lower the worst camera's
-  // variances (trace of the derivative of (I + s dI)^-1 by s), then the best few exactly.
+  // First, without air, what each throw promises, then the best few exactly.
   const RigLayout::Camera& worst = at.layout.camera(now.camera);
   const int free = now.camera == 0 ? 2 : 6;
   Eigen::MatrixXd answer = covariance.middleCols(worst.start, free);
@@ -205,8 +237,7 @@ std::optional<NextThrow> best_next_throw(const RigDescription& rig,
   for (const BallState& release : releases(rig, throws, at)) {
     Imagined imagined = imagine(airless, state, viewers, release);
     if (imagined.cameras.size() < 2) continue;
-    const Eigen::MatrixXd added = information_of(airless, state, at.layout, imagined);
-    promise.push_back((added * answer).cwiseProduct(answer).sum());
+    promise.push_back(promise_of(airless, state, at.layout, imagined, answer));
     seen.push_back(std::move(imagined));
   }
   std::vector<std::size_t> order(seen.size());
