@@ -55,6 +55,31 @@ inline Eigen::Vector2d distort_radtan(const std::array<double, 5>& d, const Eige
           y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
 }
 
+/// The commonest projection, written out: everything else waits for it.
+std::optional<Eigen::Vector2d> project_plain_radtan(const CameraModel& m,
+                                                    const Eigen::Vector3d& point,
+                                                    Eigen::Matrix<double, 2, 3>* J) {
+  if (point.z() < min_depth_m) return std::nullopt;
+  const double inverse = 1.0 / point.z(), x = point.x() * inverse, y = point.y() * inverse;
+  const auto [k1, k2, p1, p2, k3] = m.distortion;
+  const double xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy;
+  const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+  if (J) {
+    const double slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3));
+    const double cross = xy * slope + 2 * (p1 * x + p2 * y);
+    const double Dxx = radial + xx * slope + 2 * p1 * y + 6 * p2 * x;
+    const double Dyy = radial + yy * slope + 6 * p1 * y + 2 * p2 * x;
+    const double fx = m.fx_px * inverse, fy = m.fy_px * inverse, skew = m.skew_px * inverse;
+    const double ux = fx * Dxx + skew * cross, uy = fx * cross + skew * Dyy;
+    const double vx = fy * cross, vy = fy * Dyy;
+    *J << ux, uy, -(ux * x + uy * y), vx, vy, -(vx * x + vy * y);
+  }
+  const double distorted_x = x * radial + 2 * p1 * xy + p2 * (r2 + 2 * xx);
+  const double distorted_y = y * radial + p1 * (r2 + 2 * yy) + 2 * p2 * xy;
+  return Eigen::Vector2d(m.fx_px * distorted_x + m.skew_px * distorted_y + m.cx_px,
+                         m.fy_px * distorted_y + m.cy_px);
+}
+
 /// theta + k1 theta^3 + ... and its slope.
 std::pair<double, double> bend_kb4(const std::array<double, 5>& k, double angle) {
   const double a2 = angle * angle;
@@ -157,6 +182,7 @@ std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Ve
 std::optional<Eigen::Vector2d> CameraModel::project(
     const Eigen::Vector3d& point_cam, Eigen::Matrix<double, 2, 3>* J_point,
     Eigen::Matrix<double, 2, lens_intrinsics>* J_intrinsics) const {
+  if (lens == Lens::radtan && !J_intrinsics) return project_plain_radtan(*this, point_cam, J_point);
   DistortionJacobian J_distortion;
   const auto distort = lens == Lens::radtan ? project_radtan : project_kb4;
   const auto distorted = distort(*this, point_cam, J_point, J_intrinsics ? &J_distortion : nullptr);

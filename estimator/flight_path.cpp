@@ -21,44 +21,53 @@ FlightPath::FlightPath(const BallState& at_zero, const Eigen::Vector3d& gravity_
       now_{at_zero, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(),
            Eigen::Vector3d::Zero()} {
   if (is_parabola_) return;
-  for (auto& side : nodes_) side.reserve(32), side.push_back(now_);
+  last_ = {now_, now_};
+  for (auto& side : nodes_) side.reserve(32);
 }
 
-const Propagation* FlightPath::nodes_to(int last, bool before) {
-  std::vector<Propagation>& side = nodes_[before];
+const FlightPath::Node* FlightPath::nodes_to(int last, bool before) {
+  std::vector<Node>& side = nodes_[before];
+  Propagation& at = last_[before];
   const double step_s = before ? -node_s : node_s;
   while (static_cast<int>(side.size()) <= last) {
-    if (wants_ == Wants::sensitivities) {
-      side.push_back(propagate_on(side.back(), step_s, gravity_mps2_, drag_per_m_));
-    } else {
-      const BallState next = fly(side.back().state, step_s, gravity_mps2_, drag_per_m_);
-      side.emplace_back().state = next;
+    if (!side.empty()) {
+      if (wants_ == Wants::sensitivities)
+        at = propagate_on(at, step_s, gravity_mps2_, drag_per_m_);
+      else
+        at.state = fly(at.state, step_s, gravity_mps2_, drag_per_m_);
     }
+    Node& node = side.emplace_back();
+    node.value.head<3>() = at.state.position_m, node.rate.head<3>() = at.state.velocity_mps;
+    if (wants_ == Wants::state) continue;
+    node.value.segment<9>(3) = at.J_position_velocity0.reshaped().array();
+    node.rate.segment<9>(3) = at.J_velocity_velocity0.reshaped().array();
+    node.value.segment<3>(12) = at.J_position_drag, node.rate.segment<3>(12) = at.J_velocity_drag;
+    node.value[15] = node.rate[15] = 0.0;
   }
   return side.data();
 }
 
 void FlightPath::interpolate(double time_s) {
   const int n = static_cast<int>(std::floor(time_s / node_s));
-  const Propagation* side = nodes_to(n < 0 ? -n : n + 1, n < 0);
-  const Propagation &a = side[std::abs(n)], &b = side[std::abs(n + 1)];
+  const Node* side = nodes_to(n < 0 ? -n : n + 1, n < 0);
+  const Node &a = side[std::abs(n)], &b = side[std::abs(n + 1)];
   const double u = time_s / node_s - n, v = 1 - u;
   const double a0 = v * v * (1 + 2 * u), b0 = u * u * (1 + 2 * v);
   const double a1 = node_s * u * v * v, b1 = -node_s * u * u * v;
-  const auto cubic = [&](const auto& pa, const auto& va, const auto& pb, const auto& vb) {
-    return a0 * pa + a1 * va + b0 * pb + b1 * vb;
-  };
-  now_.state.position_m =
-      cubic(a.state.position_m, a.state.velocity_mps, b.state.position_m, b.state.velocity_mps);
   const double rate = 6 * u * v / node_s;
-  now_.state.velocity_mps = rate * (b.state.position_m - a.state.position_m) +
-                            v * (1 - 3 * u) * a.state.velocity_mps +
-                            u * (1 - 3 * v) * b.state.velocity_mps;
-  if (wants_ == Wants::state) return;
-  now_.J_position_velocity0 = cubic(a.J_position_velocity0, a.J_velocity_velocity0,
-                                    b.J_position_velocity0, b.J_velocity_velocity0);
-  now_.J_position_drag =
-      cubic(a.J_position_drag, a.J_velocity_drag, b.J_position_drag, b.J_velocity_drag);
+  now_.state.velocity_mps =
+      (rate * (b.value.head<3>() - a.value.head<3>()) + v * (1 - 3 * u) * a.rate.head<3>() +
+       u * (1 - 3 * v) * b.rate.head<3>())
+          .matrix();
+  if (wants_ == Wants::state) {
+    now_.state.position_m = a0 * a.value.head<3>() + a1 * a.rate.head<3>() +
+                            b0 * b.value.head<3>() + b1 * b.rate.head<3>();
+    return;
+  }
+  const Eigen::Array<double, 16, 1> here = a0 * a.value + a1 * a.rate + b0 * b.value + b1 * b.rate;
+  now_.state.position_m = here.head<3>();
+  now_.J_position_velocity0.reshaped() = here.segment<9>(3).matrix();
+  now_.J_position_drag = here.segment<3>(12);
 }
 
 const Propagation& FlightPath::at(double time_s) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <Eigen/Core>
 #include <array>
 #include <vector>
 
@@ -24,8 +25,12 @@ class FlightPath {
   const Propagation& at(double time_s);
 
  private:
+  /// What is interpolated, and its rates: position 3, by velocity 9, by drag 3 (and one over).
+  struct Node {
+    Eigen::Array<double, 16, 1> value, rate;
+  };
   /// At multiples of node_s, ahead of time 0 or before it, as far as the last.
-  const Propagation* nodes_to(int last, bool before);
+  const Node* nodes_to(int last, bool before);
   void interpolate(double time_s);
 
   BallState at_zero_;
@@ -33,7 +38,9 @@ class FlightPath {
   double drag_per_m_;
   Wants wants_;
   bool is_parabola_;
-  std::array<std::vector<Propagation>, 2> nodes_;  // ahead of time 0 and before it, both from it
+  // Ahead of time 0 and before it, both from it, and how far each has come.
+  std::array<std::vector<Node>, 2> nodes_;
+  std::array<Propagation, 2> last_;
   Propagation now_;
 };
 

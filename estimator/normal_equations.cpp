@@ -148,14 +148,18 @@ Matrix6 inverse_root(const Matrix6& information) {
 
 double cost(const std::vector<TimedThrow>& throws, const PerSighting<Eigen::Vector2d>& residuals,
             const Weighting& weighting) {
+  std::vector<double> inverse;  // of the noise's variance
+  for (double scale : weighting.noise_scale) inverse.push_back(1.0 / (scale * scale));
   double sum = 0.0;
-  for (std::size_t j = 0; j < residuals.size(); ++j)
-    for (std::size_t i = 0; i < residuals[j].size(); ++i) {
-      if (!weighting.used[j][i]) continue;
-      const double scale = weighting.noise_scale[throws[j].sightings[i].camera];
-      const double squared = residuals[j][i].squaredNorm() / (scale * scale);
+  for (std::size_t j = 0; j < residuals.size(); ++j) {
+    const TimedSighting* s = throws[j].sightings.data();
+    const char* used = weighting.used[j].data();
+    for (const Eigen::Vector2d& residual : residuals[j]) {
+      const double squared = residual.squaredNorm() * inverse[s++->camera];
+      if (!*used++) continue;
       sum += std::isfinite(squared) ? huber(squared, weighting.huber_sigmas).cost : unseen_cost;
     }
+  }
   return sum;
 }
 

@@ -147,6 +147,11 @@ int free_parameters(const Refinement& at) {
   return at.layout.size() + RigLayout::ball_size * balls;
 }
 
+bool all_stated(const RigDescription& rig) {
+  return std::all_of(rig.cameras.begin(), rig.cameras.end(),
+                     [](const auto& c) { return c.sigma_px.has_value(); });
+}
+
 /// Takes out what lies beyond the gate, and throws that are left with too little to fix their ball.
 /// Returns whether the choice changed.
 bool gate(const Problem& p, Refinement& at) {
@@ -171,6 +176,7 @@ bool gate(const Problem& p, Refinement& at) {
 /// Each camera's noise from its residuals' mean square, corrected for what the fit took; the claim
 /// stands where stated. Returns whether any changed by more than a ten-thousandth.
 bool measure_noise(const Problem& p, Refinement& at) {
+  if (all_stated(p.rig)) return false;
   std::vector<double> sum(p.rig.cameras.size(), 0.0), count(sum);
   double total = 0.0;
   for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
@@ -267,10 +273,8 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
   linearise(rig, throws, start, linear);
   out.residuals = linear.residuals();
   // Where every sigma is stated and nothing lies beyond the gate there are no outliers to look for.
-  const bool all_stated = std::all_of(rig.cameras.begin(), rig.cameras.end(),
-                                      [](const auto& c) { return c.sigma_px.has_value(); });
   const auto is_clean = [&] {
-    bool clean = all_stated;
+    bool clean = all_stated(rig);
     for_each(throws, [&](std::size_t j, std::size_t i, CameraId) {
       clean &= !out.weighting.used[j][i] || out.residuals[j][i].squaredNorm() <= settings.gate_chi2;
     });
