@@ -49,20 +49,32 @@ Step damped_step(const Refinement& from, const NormalEquations& normal, double d
   return out;
 }
 
+/// The linearisation, and whether it is the one at the solution. One is enough: where a step is not
+/// taken its equations serve again. (Memory that is touched anew costs as much as filling it.)
+struct Linearised {
+  Linearisation rows;
+  bool at_solution = false;
+};
+
+void linearise_at_solution(const Problem& p, const Refinement& at, Linearised& linear) {
+  if (!linear.at_solution) linearise(p.rig, p.throws, at.solution, linear.rows);
+  linear.at_solution = true;
+}
+
 /// Levenberg-Marquardt with weights that follow the residuals: `reweigh` changes them before each
 /// step and says whether the change matters; `is_done` may end it after any step. Ends where a step
 /// would be shorter than `enough`, without taking it, and returns the equations there; nothing
 /// where it does not get so far.
 template <typename Reweigh, typename IsDone>
-std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Linearisation& linear,
+std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Linearised& linear,
                                        double enough, Reweigh reweigh, IsDone is_done) {
   double damping = least_damping;
-  Linearisation there;
   for (int i = 0; i < p.settings.max_iterations; ++i) {
     ++at.iterations;
     const bool reweighed = reweigh();
+    linearise_at_solution(p, at, linear);
     NormalEquations normal =
-        normal_equations(p.throws, linear, at.solution.rig, at.layout, at.weighting);
+        normal_equations(p.throws, linear.rows, at.solution.rig, at.layout, at.weighting);
     const double current = cost(p.throws, at.residuals, at.weighting);
     while (true) {
       Step step = damped_step(at, normal, damping);
@@ -72,14 +84,15 @@ std::optional<NormalEquations> descend(const Problem& p, Refinement& at, Lineari
       const bool is_last = enough == at_optimum && !reweighed && damping <= first_damping &&
                            std::abs(step.decrement) <= nearly;
       PerSighting<Eigen::Vector2d> residuals;
+      linear.at_solution = false;
       if (is_last)
         residuals = claimed_residuals(p.rig, p.throws, step.to);
       else
-        linearise(p.rig, p.throws, step.to, there), residuals = there.residuals();
+        linearise(p.rig, p.throws, step.to, linear.rows), residuals = linear.rows.residuals();
       if (cost(p.throws, residuals, at.weighting) <= current) {  // false for NaN too
         at.solution = std::move(step.to), at.residuals = std::move(residuals);
         if (is_last) return normal;
-        std::swap(linear, there);
+        linear.at_solution = true;
         if (is_done()) return {};
         damping = std::max(0.1 * damping, least_damping);
         break;
@@ -269,9 +282,9 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
                  .covariance = {},
                  .information = {},
                  .undetermined = {}};
-  Linearisation linear;
-  linearise(rig, throws, start, linear);
-  out.residuals = linear.residuals();
+  Linearised linear;
+  linearise_at_solution(p, out, linear);
+  out.residuals = linear.rows.residuals();
   // Where every sigma is stated and nothing lies beyond the gate there are no outliers to look for.
   const auto is_clean = [&] {
     bool clean = all_stated(rig);
@@ -293,12 +306,12 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
   };
   const auto last = descend(p, out, linear, at_optimum, settle, [] { return false; });
   const bool still_last = !settle() && last;
-  if (!still_last) linearise(rig, throws, out.solution, linear);
-  measure_covariance(
-      p,
-      still_last ? *last
-                 : normal_equations(throws, linear, out.solution.rig, out.layout, out.weighting),
-      out);
+  if (!still_last) linearise_at_solution(p, out, linear);
+  measure_covariance(p,
+                     still_last ? *last
+                                : normal_equations(throws, linear.rows, out.solution.rig,
+                                                   out.layout, out.weighting),
+                     out);
   return out;
 }
 
