@@ -15,6 +15,7 @@ constexpr double undetermined_eigenvalue =
 // Squared distance to the optimum, in sigmas, that a descent may leave: while outliers are looked
 // for a third of a sigma a parameter will do, at the end it is a thousandth in all.
 constexpr double near_enough_each = 0.1, at_optimum = 1e-6, nearly = 1e-4;
+constexpr int least_of_throw = 4;  // sightings that fix a ball
 constexpr double least_damping = 1e-9, first_damping = 1e-4, max_damping = 1e8;
 
 struct Problem {
@@ -165,9 +166,30 @@ bool all_stated(const RigDescription& rig) {
                      [](const auto& c) { return c.sigma_px.has_value(); });
 }
 
+/// Whether all that is placed is used and within the gate, as nearly always: then it need not be
+/// chosen anew.
+bool is_all_within_gate(const Problem& p, const Refinement& at) {
+  std::vector<double> limits;
+  for (double scale : at.weighting.noise_scale)
+    limits.push_back(p.settings.gate_chi2 * scale * scale);
+  for (std::size_t j = 0; j < p.throws.size(); ++j) {
+    int count = 0;
+    for (std::size_t i = 0; i < p.throws[j].sightings.size(); ++i) {
+      const CameraId k = p.throws[j].sightings[i].camera;
+      const bool used = at.weighting.used[j][i];
+      if (used != at.solution.rig.is_placed[k]) return false;
+      if (used && !(at.residuals[j][i].squaredNorm() <= limits[k])) return false;  // NaN too
+      count += used;
+    }
+    if (count < least_of_throw) return false;
+  }
+  return true;
+}
+
 /// Takes out what lies beyond the gate, and throws that are left with too little to fix their ball.
 /// Returns whether the choice changed.
 bool gate(const Problem& p, Refinement& at) {
+  if (is_all_within_gate(p, at)) return false;
   PerSighting<char> used = all_placed(p, at.solution.rig);
   double gated = 0.0, total = 0.0;
   for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
@@ -180,7 +202,8 @@ bool gate(const Problem& p, Refinement& at) {
                                   [](const auto& c) { return c.sigma_px.has_value(); });
   if (stated && gated > p.settings.max_gated * total) used = all_placed(p, at.solution.rig);
   for (auto& thrown : used)
-    if (std::count(thrown.begin(), thrown.end(), 1) < 4) std::fill(thrown.begin(), thrown.end(), 0);
+    if (std::count(thrown.begin(), thrown.end(), 1) < least_of_throw)
+      std::fill(thrown.begin(), thrown.end(), 0);
   const bool changed = used != at.weighting.used;
   at.weighting.used = std::move(used);
   return changed;
