@@ -236,4 +236,43 @@ NormalEquations::Vector6 ReducedEquations::ball_step(const NormalEquations& norm
          (ball_root[ball].transpose() * (of.gradient - of.coupling.transpose() * rig_step));
 }
 
+Eigen::VectorXd gradient_of_shift(const std::vector<TimedThrow>& throws,
+                                  const Linearisation& linear, const RigState& rig,
+                                  const RigLayout& layout, const Weighting& weighting,
+                                  const NormalEquations& normal, const ReducedEquations& reduced,
+                                  CameraId camera, const Eigen::Vector2d& shift_px) {
+  using Row = Eigen::Map<const Eigen::VectorXd>;
+  const Eigen::Matrix<double, 3, 2> turns = camera_one_turns(rig.T_world_cam[0]);
+  const std::vector<Slot> slots = slots_of(layout.camera(camera), camera);
+  const int start = layout.camera(camera).start;
+  const double scale = weighting.noise_scale[camera];
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(layout.size()), sum(linear.columns);
+  for (std::size_t j = 0; j < throws.size(); ++j) {
+    sum.setZero();
+    for (std::size_t i = 0; i < throws[j].sightings.size(); ++i) {
+      const TimedSighting& s = throws[j].sightings[i];
+      const double* rows = linear.row(j, i);
+      if (s.camera != camera || !weighting.used[j][i] ||
+          !std::isfinite(rows[Linearisation::residual]))
+        continue;
+      const Eigen::Vector2d moved = s.whitening * shift_px / (scale * scale);
+      sum += moved[0] * Row(rows, linear.columns) +
+             moved[1] * Row(rows + linear.columns, linear.columns);
+    }
+    if (camera == 0) {
+      auto rotation = sum.segment<3>(Linearisation::rotation);
+      const Eigen::Vector2d mixed = turns.transpose() * rotation;
+      rotation.head<2>() = mixed;
+    }
+    for (std::size_t a = 0; a < slots.size(); ++a)
+      out[start + static_cast<int>(a)] += slots[a].sign * sum[slots[a].column];
+    if (layout.drag()) out[*layout.drag()] += sum[Linearisation::drag];
+    const Matrix6& root = reduced.ball_root[j];
+    const NormalEquations::Vector6 ball =
+        root * (root.transpose() * sum.head<RigLayout::ball_size>());
+    out.noalias() -= normal.balls[j].coupling * ball;
+  }
+  return out;
+}
+
 }  // namespace throwcal

@@ -56,4 +56,12 @@ struct ReducedEquations {
 /// `damping` is Levenberg's, relative to the diagonal.
 ReducedEquations eliminate_balls(const NormalEquations& normal, double damping);
 
+/// What the rig's gradient, balls free, gains where all residuals of one camera move by so much.
+/// Of plain least squares (no Huber), from the linearisation that `normal` and `reduced` are of.
+Eigen::VectorXd gradient_of_shift(const std::vector<TimedThrow>& throws,
+                                  const Linearisation& linear, const RigState& rig,
+                                  const RigLayout& layout, const Weighting& weighting,
+                                  const NormalEquations& normal, const ReducedEquations& reduced,
+                                  CameraId camera, const Eigen::Vector2d& shift_px);
+
 }  // namespace throwcal

@@ -237,20 +237,18 @@ bool measure_noise(const Problem& p, Refinement& at) {
 /// all of them shifted by one sigma along each axis ("consider" covariance). Averaging over a
 /// thousand sightings does not lower it, so leaving it out would promise tenths of a millimetre
 /// that a lit side of the ball takes back.
-Eigen::MatrixXd common_error_covariance(const Problem& p, const Refinement& at,
-                                        const Eigen::VectorXd& gradient) {
+Eigen::MatrixXd common_error_covariance(const Problem& p, const Linearisation& linear,
+                                        const NormalEquations& normal,
+                                        const ReducedEquations& reduced, const Refinement& at) {
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(at.covariance.rows(), at.covariance.cols());
   for (CameraId k = 0; k < p.rig.cameras.size(); ++k)
     for (int axis = 0; axis < 2; ++axis) {
       const double sigma_px = p.rig.cameras[k].sigma_common_px;
       if (!(sigma_px > 0) || !at.solution.rig.is_placed[k]) continue;
-      std::vector<TimedThrow> shifted = p.throws;
-      for (TimedThrow& thrown : shifted)
-        for (TimedSighting& s : thrown.sightings)
-          if (s.camera == k) s.pixel[axis] += sigma_px;
-      const ReducedEquations moved = eliminate_balls(
-          normal_equations(p.rig, shifted, at.solution, at.layout, at.weighting), 0.0);
-      const Eigen::VectorXd answer = at.covariance * (moved.gradient - gradient);
+      const Eigen::VectorXd answer =
+          at.covariance * gradient_of_shift(p.throws, linear, at.solution.rig, at.layout,
+                                            at.weighting, normal, reduced, k,
+                                            sigma_px * Eigen::Vector2d::Unit(axis));
       out += answer * answer.transpose();
     }
   return out;
@@ -280,11 +278,12 @@ void invert_information(Refinement& out) {
   out.covariance = half * inverse.asDiagonal() * half.transpose();
 }
 
-void measure_covariance(const Problem& p, const NormalEquations& normal, Refinement& out) {
-  ReducedEquations reduced = eliminate_balls(normal, 0.0);
-  out.information = std::move(reduced.information);
+void measure_covariance(const Problem& p, const Linearisation& linear,
+                        const NormalEquations& normal, Refinement& out) {
+  const ReducedEquations reduced = eliminate_balls(normal, 0.0);
+  out.information = reduced.information;
   invert_information(out);
-  out.covariance += common_error_covariance(p, out, reduced.gradient);
+  out.covariance += common_error_covariance(p, linear, normal, reduced, out);
   out.chi2 = cost(p.throws, out.residuals, out.weighting);
   int sightings = 0;
   for (const auto& used : out.weighting.used)
@@ -330,11 +329,11 @@ Refinement refine(const RigDescription& rig, const std::vector<TimedThrow>& thro
   const auto last = descend(p, out, linear, at_optimum, settle, [] { return false; });
   const bool still_last = !settle() && last;
   if (!still_last) linearise_at_solution(p, out, linear);
-  measure_covariance(p,
-                     still_last ? *last
-                                : normal_equations(throws, linear.rows, out.solution.rig,
-                                                   out.layout, out.weighting),
-                     out);
+  const NormalEquations normal =
+      still_last
+          ? *last
+          : normal_equations(throws, linear.rows, out.solution.rig, out.layout, out.weighting);
+  measure_covariance(p, linear.rows, normal, out);
   return out;
 }
 
