@@ -11,7 +11,6 @@ constexpr int max_sub_exposures = 12;
 constexpr double limb_px = 0.3;
 constexpr double soft_grey = 6.0;    ///< width of the edge of the ball's own shadow
 constexpr double max_stretch = 1.5;  ///< of an outline's form: an ellipse of axes 2.2 to 1
-constexpr double min_limb = 0.15;    ///< keeps the sphere's slope finite at its limb
 
 /// The shade at a surface normal and how it depends on it.
 struct Shade {

@@ -16,6 +16,16 @@ std::string size_text(int width, int height) {
   return std::to_string(width) + "x" + std::to_string(height);
 }
 
+/// A lens of which nothing is known: 53 degrees wide, as many are, and straight lines.
+CameraModel nominal_model(int width_px, int height_px) {
+  return {.width_px = width_px,
+          .height_px = height_px,
+          .fx_px = static_cast<double>(width_px),
+          .fy_px = static_cast<double>(width_px),
+          .cx_px = 0.5 * (width_px - 1),
+          .cy_px = 0.5 * (height_px - 1)};
+}
+
 }  // namespace
 
 VideoCamera::VideoCamera(const CameraSource& source, std::string path)
@@ -31,6 +41,7 @@ VideoCamera::VideoCamera(const CameraSource& source, std::string path)
   if (!video_.isOpened())
     throw std::runtime_error(whose + path_ + ": is not a video that can be read here");
   const Format has = format();
+  if (source_.model.width_px == 0) source_.model = nominal_model(has.width_px, has.height_px);
   if (has.width_px != source_.model.width_px || has.height_px != source_.model.height_px)
     throw std::runtime_error(whose + path_ + ": pictures of " +
                              size_text(has.width_px, has.height_px) + " px; the rig says " +

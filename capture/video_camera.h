@@ -14,8 +14,9 @@ namespace throwcal {
 /// row 0's exposure, from NAME.timestamps.txt beside NAME.mkv, or else the container's own.
 class VideoCamera : public Camera {
  public:
-  /// Throws std::runtime_error where the file cannot be read, its pictures have another size than
-  /// the rig says, or its times are unusable.
+  /// A source whose model has no size gets a nominal lens of the video's. Throws
+  /// std::runtime_error where the file cannot be read, its pictures have another size than the rig
+  /// says, or its times are unusable.
   VideoCamera(const CameraSource& source, std::string path);
 
   const std::string& name() const override { return source_.name; }

@@ -24,6 +24,7 @@ struct BallSighting {
   Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Identity();
   std::optional<double> radius_px;  ///< apparent radius, where the detector measured one
   std::uint64_t id = 0;  ///< unique in a recording: row of the sightings file, or a running count
+  bool is_partial = false;  ///< cut by the picture's edge, or something stood before it
 };
 
 /// All that one camera saw in one frame, empty frames included (they tell that the ball was not

@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <iterator>
+#include <utility>
 
-#include "capture/camera_factory.h"
-#include "capture/quotation.h"
 #include "capture/rig.h"
 #include "firmware/calibration_table.h"
 #include "firmware/cameras.h"
@@ -17,6 +16,7 @@
 #include "firmware/sightings_file.h"
 #include "firmware/text_file.h"
 #include "firmware/throw_search.h"
+#include "firmware/videos.h"
 
 namespace throwcal {
 namespace {
@@ -55,52 +55,23 @@ Recording read_sightings_recording(const Config& config, const std::string& file
   return out;
 }
 
-/// The camera that "name=path" plays, by the rig file's name.
-std::unique_ptr<Camera> open_video(const std::string& video, const Config& config) {
-  const std::size_t equals = video.find('=');
-  const std::string name = video.substr(0, equals);
-  if (equals == video.npos || equals + 1 == video.size())
-    throw InputError("--video " + video + ": expected NAME=PATH, as in north=north.mkv");
-  const auto& cameras = config.rig.cameras;
-  const auto found = std::ranges::find(cameras, name, &CameraDescription::name);
-  if (found == cameras.end())
-    throw InputError("--video " + video + ": camera " + in_quotes(name) +
-                     " is not in the rig file");
-  CameraSource source;
-  source.id = static_cast<CameraId>(found - cameras.begin());
-  source.name = name;
-  source.source = "video:" + video.substr(equals + 1);
-  source.model = found->model;
-  source.paced = false;
-  return make_camera(source);
-}
-
-std::vector<std::unique_ptr<Camera>> open_videos(const std::vector<std::string>& videos,
-                                                 const Config& config) {
-  std::vector<std::unique_ptr<Camera>> cameras;
-  for (const std::string& video : videos) {
-    cameras.push_back(open_video(video, config));
-    const auto twice = [&](const auto& c) { return c->name() == cameras.back()->name(); };
-    if (std::ranges::count_if(cameras, twice) > 1)
-      throw InputError("--video " + video + ": camera \"" + cameras.back()->name() +
-                       "\" has a video already");
+std::vector<NamedVideo> named_videos(const std::vector<std::string>& options) {
+  std::vector<NamedVideo> videos;
+  for (const std::string& option : options) {
+    const auto video = parse_named_video(option);
+    if (!video)
+      throw InputError("--video " + option + ": expected NAME=PATH, as in north=north.mkv");
+    videos.push_back(*video);
   }
-  if (cameras.size() < 2)
-    throw InputError("--video: camera \"" + cameras.front()->name() +
-                     "\" is alone; expected the videos of two cameras or more");
-  return cameras;
-}
-
-void check_ended_well(const Rig& rig) {
-  for (const CameraStats& camera : rig.stats())
-    if (!camera.error.empty()) throw InputError("camera \"" + camera.name + "\": " + camera.error);
-  if (const auto lost = rig.sightings_dropped(); lost > 0)
-    throw InputError("the sightings of " + std::to_string(lost) +
-                     " frames were lost between detector and estimator");
+  return videos;
 }
 
 Recording read_videos(const Config& config, const std::vector<std::string>& videos) {
-  Rig rig(open_videos(videos, config), rig_settings(config));
+  auto cameras = open_videos(named_videos(videos), config, "--video ");
+  if (cameras.size() < 2)
+    throw InputError("--video: camera \"" + cameras.front()->name() +
+                     "\" is alone; expected the videos of two cameras or more");
+  Rig rig(std::move(cameras), rig_settings(config));
   rig.start();
   ProgressBar bar("watching the videos");
   Recording out;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <tuple>
@@ -33,9 +34,26 @@ NumberRange radius_range(const CameraModel& model) {
   return between(0.01, model.width_px + model.height_px, "a number of pixels");
 }
 
-enum Column : std::size_t { camera, time_s, u_px, v_px, radius_px, label, columns };
-constexpr std::array<std::string_view, columns> column_names{"camera", "time_s",    "u_px",
-                                                             "v_px",   "radius_px", "throw"};
+enum Column : std::size_t {
+  camera,
+  time_s,
+  u_px,
+  v_px,
+  radius_px,
+  label,
+  sigma_u_px,
+  sigma_v_px,
+  correlation_uv,
+  partial,
+  columns
+};
+constexpr std::array<std::string_view, columns> column_names{
+    "camera", "time_s",     "u_px",       "v_px",           "radius_px",
+    "throw",  "sigma_u_px", "sigma_v_px", "correlation_uv", "partial"};
+constexpr double max_correlation = 0.999;
+const NumberRange sigma_range = between(1e-6, 100, "a number of pixels");
+const NumberRange correlation_range = between(-max_correlation, max_correlation, "a number");
+const NumberRange flag_range = between(0, 1);
 
 std::string_view trimmed(std::string_view text) {
   constexpr std::string_view blank = " \t\r";
@@ -110,6 +128,8 @@ class SightingsParser {
       if (!place_[column])
         reject("column " + std::string(column_names[column]) +
                " is missing; expected the header camera,time_s,u_px,v_px[,radius_px][,throw]");
+    if (place_[sigma_u_px].has_value() != place_[sigma_v_px].has_value())
+      reject("of the columns sigma_u_px and sigma_v_px one is missing; expected both or neither");
   }
 
   void take_row(const std::vector<std::string>& cells) {
@@ -123,10 +143,14 @@ class SightingsParser {
     s.time = time(cells);
     s.center_px = {number(u_px, pixel_range(seen_by.model.width_px), cells),
                    number(v_px, pixel_range(seen_by.model.height_px), cells)};
-    const double sigma = seen_by.sigma_px.value_or(unstated_sigma_px);
-    s.cov_px2 = sigma * sigma * Eigen::Matrix2d::Identity();
-    if (place_[radius_px] && !cells[*place_[radius_px]].empty())
-      s.radius_px = number(radius_px, radius_range(seen_by.model), cells);
+    const double unmeasured = seen_by.sigma_px.value_or(unstated_sigma_px);
+    const double sigma_u = optional_number(sigma_u_px, sigma_range, cells).value_or(unmeasured);
+    const double sigma_v = optional_number(sigma_v_px, sigma_range, cells).value_or(unmeasured);
+    const double cov_uv =
+        optional_number(correlation_uv, correlation_range, cells).value_or(0.0) * sigma_u * sigma_v;
+    s.cov_px2 << sigma_u * sigma_u, cov_uv, cov_uv, sigma_v * sigma_v;
+    s.radius_px = optional_number(radius_px, radius_range(seen_by.model), cells);
+    s.is_partial = optional_number(partial, flag_range, cells).value_or(0.0) > 0.5;
     if (place_[label]) row.throw_id = cells[*place_[label]];
     s.id = rows_.size() + 1;
     check_unique(row);
@@ -157,6 +181,13 @@ class SightingsParser {
     if (error != std::errc{} || end != text.data() + text.size() || !range.holds(value))
       expect(column, range.text, cells);
     return value;
+  }
+
+  /// Nothing where the column is absent or the cell empty.
+  std::optional<double> optional_number(Column column, const NumberRange& range,
+                                        const std::vector<std::string>& cells) const {
+    if (!place_[column] || cells[*place_[column]].empty()) return std::nullopt;
+    return number(column, range, cells);
   }
 
   [[noreturn]] void expect(Column column, const std::string& what,
@@ -252,18 +283,27 @@ std::vector<FrameSightings> unlabelled_frames(const std::vector<SightingRow>& ro
   return frames;
 }
 
-std::string to_sightings_csv(const std::vector<SightingRow>& rows, const RigDescription& rig) {
+std::string to_sightings_csv(const std::vector<SightingRow>& rows, const RigDescription& rig,
+                             bool with_errors) {
   const bool radii =
       std::ranges::any_of(rows, [](const auto& r) { return r.sighting.radius_px.has_value(); });
   const bool labels = std::ranges::any_of(rows, [](const auto& r) { return !r.throw_id.empty(); });
   std::string out = "camera,time_s,u_px,v_px";
   out += radii ? ",radius_px" : "";
-  out += labels ? ",throw\n" : "\n";
+  out += labels ? ",throw" : "";
+  out += with_errors ? ",sigma_u_px,sigma_v_px,correlation_uv,partial\n" : "\n";
   for (const auto& [s, throw_id] : rows) {
     out += rig.cameras[s.camera].name + ',' + to_decimal_seconds(s.time) + ',' +
            fixed(s.center_px.x(), 5) + ',' + fixed(s.center_px.y(), 5);
     if (radii) out += ',' + (s.radius_px ? fixed(*s.radius_px, 3) : std::string());
     if (labels) out += ',' + quoted_if_needed(throw_id);
+    if (with_errors) {
+      const double sigma_u = std::sqrt(s.cov_px2(0, 0)), sigma_v = std::sqrt(s.cov_px2(1, 1));
+      const double correlation =
+          std::clamp(s.cov_px2(0, 1) / (sigma_u * sigma_v), -max_correlation, max_correlation);
+      out += ',' + fixed(sigma_u, 6) + ',' + fixed(sigma_v, 6) + ',' + fixed(correlation, 4) +
+             (s.is_partial ? ",1" : ",0");
+    }
     out += '\n';
   }
   return out;

@@ -57,6 +57,22 @@ TEST(SightingsFile, CovarianceIsTheRigsSigmaOrAWideOne) {
   EXPECT_EQ(rows[1].sighting.cov_px2(0, 1), 0.0);
 }
 
+TEST(SightingsFile, ASightingsOwnErrorsComeBeforeTheRigs) {
+  const auto rows = parsed(
+      "camera,time_s,u_px,v_px,sigma_u_px,sigma_v_px,correlation_uv,partial\n"
+      "east,0,1,1,0.1,0.2,0.5,1\neast,1,1,1,,,,\n");
+  EXPECT_DOUBLE_EQ(rows[0].sighting.cov_px2(0, 0), 0.01);
+  EXPECT_DOUBLE_EQ(rows[0].sighting.cov_px2(1, 1), 0.04);
+  EXPECT_DOUBLE_EQ(rows[0].sighting.cov_px2(0, 1), 0.01);
+  EXPECT_TRUE(rows[0].sighting.is_partial);
+  EXPECT_EQ(rows[1].sighting.cov_px2(0, 0), 0.25);
+  EXPECT_FALSE(rows[1].sighting.is_partial);
+  const auto again = parsed(to_sightings_csv(rows, two_cameras(), true));
+  ASSERT_EQ(again.size(), 2u);
+  EXPECT_TRUE(again[0].sighting.cov_px2.isApprox(rows[0].sighting.cov_px2, 1e-9));
+  EXPECT_TRUE(again[0].sighting.is_partial);
+}
+
 TEST(SightingsFile, EveryErrorNamesFileLineColumnAndExpectation) {
   const std::string header = "camera,time_s,u_px,v_px,throw\n";
   const struct {
@@ -68,6 +84,15 @@ TEST(SightingsFile, EveryErrorNamesFileLineColumnAndExpectation) {
       {"camera,time_s,u_px\n",
        "s.csv:1: column v_px is missing; expected the header "
        "camera,time_s,u_px,v_px[,radius_px][,throw]"},
+      {"camera,time_s,u_px,v_px,sigma_u_px\n",
+       "s.csv:1: of the columns sigma_u_px and sigma_v_px one is missing; expected both or "
+       "neither"},
+      {"camera,time_s,u_px,v_px,sigma_u_px,sigma_v_px\nnorth,0,1,1,0,1\n",
+       "s.csv:2: sigma_u_px must be a number of pixels from 1e-06 to 100, got \"0\""},
+      {"camera,time_s,u_px,v_px,correlation_uv\nnorth,0,1,1,1\n",
+       "s.csv:2: correlation_uv must be a number from -0.999 to 0.999, got \"1\""},
+      {"camera,time_s,u_px,v_px,partial\nnorth,0,1,1,yes\n",
+       "s.csv:2: partial must be a number from 0 to 1, got \"yes\""},
       {"camera,time_s,u_px,v_px,u_px\n", "s.csv:1: column u_px stands twice; expected it once"},
       {header + "\nsouth,0,1,1,\n",
        "s.csv:3: camera \"south\" is not in the rig file; expected one of north, east"},

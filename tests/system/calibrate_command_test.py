@@ -85,6 +85,39 @@ def videos_become_a_calibration(build, folder) -> None:
     assert sum(e * e for e in error) ** 0.5 < 0.2, (error, document)  # two small pictures, two throws
 
 
+def videos_become_sightings_and_pictures(build, folder) -> None:
+    """`detect` finds the same flights with a rig file and without, and what it writes can be calibrated by."""
+    sightings, calibration = folder / "seen.csv", folder / "seen.json"
+    videos = [f"{name}={folder / name}.mkv" for name in ("cam1", "cam2")]
+    done = run(build, "detect", "--rig", folder / "rig.toml", *videos, "--output", sightings, "--overlay", folder / "seen.png")
+    assert done.returncode == 0 and done.stderr == "" and "throws that two cameras or more saw: " in done.stdout, done
+    with open(sightings) as file:
+        rows = list(csv.DictReader(file))
+    flown = [row for row in rows if row["throw"]]
+    assert {row["camera"] for row in flown} == {"cam1", "cam2"} and len(flown) > 80, (len(flown), done.stdout)
+    assert all(0 < float(row["sigma_u_px"]) < 1 and row["partial"] in "01" and float(row["radius_px"]) > 1 for row in flown)
+    picture = (folder / "seen.png").read_bytes()
+    assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") == 640, picture[:30]
+    done = run(build, "calibrate", "--rig", folder / "rig.toml", "--sightings", sightings, "--output", calibration)
+    assert done.returncode in (0, 3) and json.loads(calibration.read_text())["cameras"][1]["T_world_cam"], done
+    done = run(build, "detect", folder / "cam1.mkv", "--output", sightings, "--overlay", folder / "seen.mkv")
+    assert done.returncode == 0 and done.stderr == "", done
+    with open(sightings) as file:
+        alone = list(csv.DictReader(file))
+    assert sum(row["throw"].startswith("cam1-") for row in alone) > 40, done.stdout
+    film = run(build, "detect", folder / "seen.mkv")  # what was drawn is a film of the same length
+    frames = [line.split()[1] for line in (done.stdout + film.stdout).splitlines() if line.startswith(("cam1", "seen"))]
+    assert film.returncode == 0 and frames[0] == frames[1], (done, film)
+    for arguments, message in [(["cam1.mkv"], "cam1.mkv: no such video file"),
+                               ([folder / "cam1.mkv", "--overlay", "seen.jpg"], "--overlay seen.jpg: expected a name ending in .png or .mkv"),
+                               ([folder / "cam1.mkv", "--overlay", folder / "no" / "seen.png"], "can't be written"),
+                               ([folder / "cam1.mkv", folder / "cam1.mkv"], '"cam1" has a video already'),
+                               (["--rig", folder / "rig.toml", f"cam9={folder / 'cam1.mkv'}"], '"cam9" is not in the rig file'),
+                               ([], "videos is required")]:
+        done = run(build, "detect", *arguments)
+        assert done.returncode == 2 and message in done.stderr and done.stderr.count("\n") == 1, (arguments, done)
+
+
 def nobody_answers(build) -> None:
     done = run(build, "status", "--host", "127.0.0.1:1")
     assert done.returncode == 1, done
@@ -98,6 +131,7 @@ def story(build, folder) -> None:
     unusable_input_is_one_line_and_nothing_is_written(build, folder)
     (folder / "video").mkdir()
     videos_become_a_calibration(build, folder / "video")
+    videos_become_sightings_and_pictures(build, folder / "video")
     nobody_answers(build)
 
 
