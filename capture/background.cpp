@@ -2,69 +2,93 @@
 #include "capture/background.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdlib>
 
 namespace throwcal {
 namespace {
 
 using Fixed = std::int16_t;
+using Byte = std::uint8_t;
 
 constexpr int first_frames = 20;               ///< learnt from scratch
-constexpr int row_turns = 4;                   ///< each frame, every fourth row learns
-constexpr int still_shift = 3;                 ///< weight 2^-3 a turn: a time constant of 32 frames
-constexpr int moving_shift = 7;                ///< of 512 frames, so that a thing put down fades in
-constexpr int deviation_shift = 4;             ///< of 64 frames
+constexpr int row_turns = 8;                   ///< each frame, every eighth row learns
+constexpr int still_shift = 3;                 ///< weight 2^-3 a turn: a time constant of 64 frames
+constexpr int moving_shift = 6;                ///< of 512 frames, so that a thing put down fades in
+constexpr int deviation_shift = 4;             ///< of 128 frames
 constexpr double min_sigma_grey = 0.8;         ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
+/// Unrest grows by half each turn that a pixel is found changed, and falls by one step else: a ball
+/// that passes adds next to nothing, a branch that sways is covered within some seconds.
+constexpr Fixed unrest_start = 2, unrest_decay = 1, max_unrest = 240;
+constexpr double sigma_by_unrest = 0.5 / 3;  ///< grey levels a step of unrest
 constexpr double new_scene_fraction = 0.4;
-constexpr int block = 32;  ///< constant counts are what the compiler turns into vector instructions
+constexpr int samples_a_side = 36;  ///< of the grid on which the light is measured
+constexpr int min_ratio_grey = 12, dark_grey = 10, saturated_grey = 250;
+constexpr double light_step = 0.005;    ///< a change of light that is followed at once
+constexpr double max_light_step = 2.5;  ///< beyond it is another scene
+constexpr int typical_frames = 64;      ///< how often the camera's noise is measured
+constexpr int tiles_a_side = 8;
+constexpr double shaken_tiles = 0.7, shaken_share = 0.02;
+constexpr int max_shaken_frames = 15;  ///< then it is another view: learnt anew
+constexpr int block = 64;  ///< constant counts are what the compiler turns into vector instructions
 
-inline Fixed distance(std::uint8_t grey, Fixed mean) {
-  const auto difference = static_cast<Fixed>(static_cast<Fixed>(grey << 7) - mean);
-  return difference < 0 ? static_cast<Fixed>(-difference) : difference;
-}
-
-int mark_row(const std::uint8_t* __restrict grey, const Fixed* __restrict mean,
-             const Fixed* __restrict threshold, std::uint8_t* __restrict changed, int width) {
-  int x = 0, count = 0;
-  for (; x + block <= width; x += block) {
-    std::uint8_t any = 0;
-    for (int i = 0; i < block; ++i) {
-      const bool is_changed = distance(grey[x + i], mean[x + i]) > threshold[x + i];
-      changed[x + i] = is_changed ? 255 : 0;
-      any |= changed[x + i];
-    }
-    if (any)
-      for (int i = 0; i < block; ++i) count += changed[x + i] & 1;
-  }
-  for (; x < width; ++x) {
-    changed[x] = distance(grey[x], mean[x]) > threshold[x] ? 255 : 0;
-    count += changed[x] & 1;
-  }
-  return count;
-}
+bool is_changed(Byte grey, Byte low, Byte high) { return grey < low || grey > high; }
 
 /// A step of 2^-shift, rounded to nearest: rounded down, the mean would creep.
 inline Fixed step(int difference, int shift) {
   return static_cast<Fixed>((difference + (1 << (shift - 1))) >> shift);
 }
 
-struct Pixel {
-  Fixed mean, deviation, threshold;
+struct Row {
+  Fixed *mean, *deviation;
+  Byte *unrest, *low, *high;
 };
 
-inline Pixel learnt(std::uint8_t grey, std::uint8_t changed, Fixed mean, Fixed deviation,
-                    Fixed gain, Fixed floor) {
-  const auto difference = static_cast<Fixed>(static_cast<Fixed>(grey << 7) - mean);
-  const Fixed size = difference < 0 ? static_cast<Fixed>(-difference) : difference;
-  const auto more = static_cast<Fixed>(size - deviation);
-  const Fixed mean_step = changed ? step(difference, moving_shift) : step(difference, still_shift);
-  const Fixed deviation_step = changed ? step(more, moving_shift) : step(more, deviation_shift);
-  const auto new_deviation = static_cast<Fixed>(deviation + deviation_step);
-  // gain is sixteenths; 32 grey levels of deviation and more saturate.
-  const auto wide = static_cast<Fixed>(std::min<Fixed>(new_deviation, 4000) >> 4);
-  const auto threshold = static_cast<Fixed>(wide * gain);
-  return {static_cast<Fixed>(mean + mean_step), new_deviation, std::max(threshold, floor)};
+struct Bounds {
+  Fixed gain;   ///< sixteenths of a deviation
+  Fixed floor;  ///< of the threshold
+};
+
+/// The grey levels that are within a threshold of the mean, rounded inwards.
+inline void bound(const Row& row, int x, Fixed mean, Fixed deviation, Byte unrest,
+                  const Bounds& bounds) {
+  // 32 grey levels of deviation and more saturate.
+  const auto wide = static_cast<Fixed>(std::min<Fixed>(deviation, 4000) >> 4);
+  const Fixed threshold = std::max(static_cast<Fixed>(wide * bounds.gain), bounds.floor);
+  const int low = ((mean - threshold + 127) >> 7) - (unrest >> 1);
+  const int high = ((mean + threshold) >> 7) + (unrest >> 1);
+  row.low[x] = static_cast<Byte>(std::max(low, 0));
+  row.high[x] = static_cast<Byte>(std::min(high, 255));
+}
+
+inline void learn_pixel(const Row& row, int x, Byte grey, const Bounds& bounds) {
+  const bool changed = (grey < row.low[x]) | (grey > row.high[x]);
+  const auto difference = static_cast<Fixed>(static_cast<Fixed>(grey << 7) - row.mean[x]);
+  const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
+  const Fixed slow = step(difference, moving_shift), fast = step(difference, still_shift);
+  const Fixed wider = step(size - row.deviation[x], deviation_shift);
+  row.mean[x] = static_cast<Fixed>(row.mean[x] + (changed ? slow : fast));
+  row.deviation[x] = static_cast<Fixed>(row.deviation[x] + (changed ? Fixed(0) : wider));
+  const auto more = static_cast<Fixed>(unrest_start + (row.unrest[x] >> 1));
+  const auto unrest = static_cast<Fixed>(row.unrest[x] + (changed ? more : Fixed(-unrest_decay)));
+  row.unrest[x] = static_cast<Byte>(std::clamp<Fixed>(unrest, 0, max_unrest));
+  bound(row, x, row.mean[x], row.deviation[x], row.unrest[x], bounds);
+}
+
+Bounds bounds_of(double threshold_sigmas) {
+  return {static_cast<Fixed>(std::min(120.0, 16 * sigma_by_deviation * threshold_sigmas)),
+          static_cast<Fixed>(128 * threshold_sigmas * min_sigma_grey)};
+}
+
+/// Whether any of `block` pixels is out of bounds.
+inline bool any_changed(const Byte* __restrict grey, const Byte* __restrict low,
+                        const Byte* __restrict high) {
+  Byte any = 0;
+  for (int i = 0; i < block; ++i)
+    any = static_cast<Byte>(any | (grey[i] < low[i]) | (grey[i] > high[i]));
+  return any != 0;
 }
 
 }  // namespace
@@ -73,43 +97,64 @@ Background::Background(int width_px, int height_px, double threshold_sigmas)
     : threshold_sigmas_(threshold_sigmas),
       mean_(height_px, width_px, CV_16S, cv::Scalar(0)),
       deviation_(height_px, width_px, CV_16S, cv::Scalar(0)),
-      threshold_(height_px, width_px, CV_16S, cv::Scalar(0)) {}
+      unrest_(height_px, width_px, CV_8U, cv::Scalar(0)),
+      low_(height_px, width_px, CV_8U, cv::Scalar(0)),
+      high_(height_px, width_px, CV_8U, cv::Scalar(255)),
+      tiles_(tiles_a_side * tiles_a_side) {
+  samples_.reserve(4 * samples_a_side * samples_a_side);
+}
 
 double Background::sigma_grey(int x, int y) const {
   return std::max(min_sigma_grey, sigma_by_deviation / unit * deviation_.at<Fixed>(y, x));
 }
 
-bool Background::compare_and_learn(const cv::Mat& grey, cv::Mat& changed) {
-  if (learnt_frames_ < first_frames) {
-    learn_from_scratch(grey);
-    return false;
-  }
-  int count = 0;
-  for (int y = 0; y < grey.rows; ++y)
-    count += mark_row(grey.ptr(y), mean_.ptr<Fixed>(y), threshold_.ptr<Fixed>(y), changed.ptr(y),
-                      grey.cols);
-  if (count > new_scene_fraction * static_cast<double>(grey.total())) {
-    learnt_frames_ = 0;
-    return false;
-  }
-  learn(grey, changed);
-  return true;
+double Background::unrest_grey(int x, int y) const {
+  return sigma_by_unrest * unrest_.at<Byte>(y, x);
 }
 
-void Background::difference(const cv::Mat& grey, const cv::Rect& region, cv::Mat& out) const {
-  for (int y = 0; y < region.height; ++y)
-    for (int x = 0; x < region.width; ++x)
-      out.at<std::uint8_t>(y, x) =
-          static_cast<std::uint8_t>(distance(grey.at<std::uint8_t>(region.y + y, region.x + x),
-                                             mean_.at<Fixed>(region.y + y, region.x + x)) /
-                                    unit);
+Background::Outcome Background::compare_and_learn(const cv::Mat& grey,
+                                                  std::vector<PixelRun>& changed) {
+  changed.clear();
+  const double ratio = brightness_ratio(grey);
+  if (learnt_frames_ < first_frames) {
+    learn_from_scratch(grey);
+    return Outcome::learning;
+  }
+  const bool is_other_light = ratio > max_light_step || ratio < 1 / max_light_step;
+  if (!is_other_light && std::abs(ratio - 1) > light_step) scale(ratio);
+  compare(grey, changed);
+  std::size_t count = 0;
+  for (const PixelRun& run : changed) count += static_cast<std::size_t>(run.last - run.first + 1);
+  is_shaken_ = is_everywhere(changed);
+  shaken_frames_ = is_shaken_ ? shaken_frames_ + 1 : 0;
+  if (static_cast<double>(count) > new_scene_fraction * static_cast<double>(grey.total()) ||
+      shaken_frames_ > max_shaken_frames) {
+    learnt_frames_ = shaken_frames_ = 0;
+    changed.clear();
+    return Outcome::learning;
+  }
+  learn(grey);
+  return Outcome::compared;
+}
+
+void Background::mark(const cv::Mat& grey, const cv::Rect& region, cv::Mat& mask) const {
+  for (int y = 0; y < region.height; ++y) {
+    const int row = region.y + y;
+    const Byte *pixel = grey.ptr(row) + region.x, *low = low_.ptr(row) + region.x,
+               *high = high_.ptr(row) + region.x;
+    Byte* out = mask.ptr(y);
+    for (int x = 0; x < region.width; ++x) out[x] = is_changed(pixel[x], low[x], high[x]) ? 255 : 0;
+  }
 }
 
 void Background::learn_from_scratch(const cv::Mat& grey) {
   const int n = learnt_frames_++;
-  if (n == 0) deviation_.setTo(static_cast<double>(unit));
+  if (n == 0) {
+    deviation_.setTo(static_cast<double>(unit));
+    unrest_.setTo(0);
+  }
   for (int y = 0; y < grey.rows; ++y) {
-    const std::uint8_t* pixel = grey.ptr(y);
+    const Byte* pixel = grey.ptr(y);
     Fixed *mean = mean_.ptr<Fixed>(y), *deviation = deviation_.ptr<Fixed>(y);
     for (int x = 0; x < grey.cols; ++x) {
       const int difference = pixel[x] * unit - mean[x];
@@ -120,32 +165,105 @@ void Background::learn_from_scratch(const cv::Mat& grey) {
     }
   }
   if (learnt_frames_ < first_frames) return;
-  for (int y = 0; y < grey.rows; ++y)
-    for (int x = 0; x < grey.cols; ++x)
-      threshold_.at<Fixed>(y, x) =
-          static_cast<Fixed>(std::min(32000.0, unit * threshold_sigmas_ * sigma_grey(x, y)));
+  for (int y = 0; y < grey.rows; ++y) set_bounds(y);
+  find_typical_sigma();
 }
 
-void Background::learn(const cv::Mat& grey, const cv::Mat& changed) {
-  const auto gain =
-      static_cast<Fixed>(std::min(120.0, 16 * sigma_by_deviation * threshold_sigmas_));
-  const auto floor = static_cast<Fixed>(unit * threshold_sigmas_ * min_sigma_grey);
-  turn_ = (turn_ + 1) % row_turns;
-  for (int y = turn_; y < grey.rows; y += row_turns) {
-    const std::uint8_t* __restrict pixel = grey.ptr(y), * __restrict mark = changed.ptr(y);
-    Fixed* __restrict mean = mean_.ptr<Fixed>(y);
-    Fixed* __restrict deviation = deviation_.ptr<Fixed>(y);
-    Fixed* __restrict threshold = threshold_.ptr<Fixed>(y);
-    const auto learn_at = [&](int x) {
-      const Pixel p = learnt(pixel[x], mark[x], mean[x], deviation[x], gain, floor);
-      mean[x] = p.mean;
-      deviation[x] = p.deviation;
-      threshold[x] = p.threshold;
+void Background::set_bounds(int y) {
+  const Bounds bounds = bounds_of(threshold_sigmas_);
+  const Row row{mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
+                high_.ptr(y)};
+  for (int x = 0; x < mean_.cols; ++x)
+    bound(row, x, row.mean[x], row.deviation[x], row.unrest[x], bounds);
+}
+
+/// The median over a grid of pixels: whatever moves covers less than half of them.
+double Background::brightness_ratio(const cv::Mat& grey) {
+  const int step_x = std::max(1, grey.cols / samples_a_side);
+  const int step_y = std::max(1, grey.rows / samples_a_side);
+  int count = 0, dark = 0, saturated = 0;
+  samples_.clear();
+  for (int y = step_y / 2; y < grey.rows; y += step_y)
+    for (int x = step_x / 2; x < grey.cols; x += step_x) {
+      const Byte pixel = grey.at<Byte>(y, x);
+      const Fixed mean = mean_.at<Fixed>(y, x);
+      ++count;
+      dark += pixel < dark_grey;
+      saturated += pixel >= saturated_grey;
+      if (mean > min_ratio_grey * unit && mean < saturated_grey * unit && pixel < saturated_grey)
+        samples_.push_back(static_cast<float>(pixel * unit) / static_cast<float>(mean));
+    }
+  is_dark_ = 20 * dark > 19 * count;
+  is_saturated_ = 2 * saturated > count;
+  if (4 * samples_.size() < static_cast<std::size_t>(count)) return 1.0;
+  const auto middle = samples_.begin() + static_cast<std::ptrdiff_t>(samples_.size() / 2);
+  std::nth_element(samples_.begin(), middle, samples_.end());
+  return *middle;
+}
+
+/// The median over the same grid.
+void Background::find_typical_sigma() {
+  const int step_x = std::max(1, mean_.cols / samples_a_side);
+  const int step_y = std::max(1, mean_.rows / samples_a_side);
+  samples_.clear();
+  for (int y = step_y / 2; y < mean_.rows; y += step_y)
+    for (int x = step_x / 2; x < mean_.cols; x += step_x)
+      samples_.push_back(static_cast<float>(sigma_grey(x, y)));
+  const auto middle = samples_.begin() + static_cast<std::ptrdiff_t>(samples_.size() / 2);
+  std::nth_element(samples_.begin(), middle, samples_.end());
+  typical_sigma_grey_ = *middle;
+}
+
+void Background::scale(double ratio) {
+  const auto fixed = static_cast<int>(std::lround(ratio * 16384));
+  for (int y = 0; y < mean_.rows; ++y) {
+    Fixed* mean = mean_.ptr<Fixed>(y);
+    for (int x = 0; x < mean_.cols; ++x)
+      mean[x] = static_cast<Fixed>(std::min((mean[x] * fixed + 8192) >> 14, 255 * unit));
+    set_bounds(y);
+  }
+}
+
+void Background::compare(const cv::Mat& grey, std::vector<PixelRun>& changed) const {
+  for (int y = 0; y < grey.rows; ++y) {
+    const Byte *pixel = grey.ptr(y), *low = low_.ptr(y), *high = high_.ptr(y);
+    const auto scan = [&](int from, int to) {
+      for (int x = from; x < to; ++x) {
+        if (!is_changed(pixel[x], low[x], high[x])) continue;
+        if (!changed.empty() && changed.back().y == y && changed.back().last == x - 1)
+          changed.back().last = x;
+        else
+          changed.push_back({y, x, x});
+      }
     };
     int x = 0;
     for (; x + block <= grey.cols; x += block)
-      for (int i = 0; i < block; ++i) learn_at(x + i);
-    for (; x < grey.cols; ++x) learn_at(x);
+      if (any_changed(pixel + x, low + x, high + x)) scan(x, x + block);
+    scan(x, grey.cols);
+  }
+}
+
+bool Background::is_everywhere(const std::vector<PixelRun>& changed) {
+  std::ranges::fill(tiles_, 0);
+  const int width = (mean_.cols + tiles_a_side - 1) / tiles_a_side;
+  const int height = (mean_.rows + tiles_a_side - 1) / tiles_a_side;
+  for (const PixelRun& run : changed)
+    tiles_[static_cast<std::size_t>(run.y / height * tiles_a_side + run.first / width)] +=
+        run.last - run.first + 1;
+  const auto many = std::ranges::count_if(
+      tiles_, [&](int pixels) { return pixels > shaken_share * width * height; });
+  return static_cast<double>(many) > shaken_tiles * static_cast<double>(tiles_.size());
+}
+
+void Background::learn(const cv::Mat& grey) {
+  const Bounds bounds = bounds_of(threshold_sigmas_);
+  turn_ = (turn_ + 1) % row_turns;
+  if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
+  for (int y = turn_; y < grey.rows; y += row_turns) {
+    const Byte* pixel = grey.ptr(y);
+    const Row row{mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
+                  high_.ptr(y)};
+    for (int x = 0; x < grey.cols; ++x) learn_pixel(row, x, pixel[x], bounds);
   }
 }
 

@@ -4,26 +4,37 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <tuple>
 
 #include "capture/background.h"
 #include "capture/ball_fit.h"
 #include "capture/blobs.h"
+#include "capture/expected_balls.h"
+#include "capture/inscribed_discs.h"
 #include "capture/sphere_outline.h"
 
 namespace throwcal {
 namespace {
 
-constexpr double max_elongation = 4.0;       ///< a streak of a fast ball, not an arm or an edge
-constexpr double max_part_elongation = 1.6;  ///< within a blob that is no ball: less is believed
-constexpr double min_filled = 0.6;           ///< of the ellipse of its moments
+constexpr double max_elongation = 4.0;  ///< a streak of a fast ball, not an arm or an edge
+constexpr double min_filled = 0.6;      ///< of the ellipse of its moments
 constexpr double min_explained = 0.7;
-constexpr int max_parted_px2 = 40000;         ///< of a blob's box: an arm, not a person
-constexpr std::size_t fits_per_sighting = 3;  ///< bounds the time that a busy picture takes
+constexpr int max_parted_px2 = 40000;  ///< of a blob's box: an arm, not a person
+constexpr std::size_t max_parts = 3;   ///< of one blob
+constexpr std::size_t max_fits = 32;   ///< bounds the time that a busy picture takes
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
-constexpr double sigma_model_px = 0.01;
+constexpr double sigma_model_px = 0.01, sigma_streak = 0.0028;
+
+constexpr double min_seen = 0.3;                        ///< of a ball that the picture's edge cuts
+constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is seen whole
+/// What a ball that is not adds to the error, in radii: measured.
+constexpr double sigma_cut = 0.15, sigma_doubtful = 0.025;
+constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
+constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
 /// Brightness of a picture of any format; `converted` holds it where it has to be computed.
 cv::Mat luma(const ImageView& image, cv::Mat& converted) {
@@ -47,15 +58,26 @@ cv::Mat luma(const ImageView& image, cv::Mat& converted) {
 
 }  // namespace
 
+/// Where a fit begins, and why.
+struct Start {
+  BallOutline outline;
+  double promise = 0.0;                   ///< the larger, the sooner it is tried
+  const BallOutline* expected = nullptr;  ///< the ball that should be there
+};
+
 struct BallDetector::State {
   CameraModel model;
   double ball_diameter_m;
   BallDetectorSettings settings;
   Background background;
-  BlobFinder blob_finder, part_finder;
+  BlobFinder blob_finder;
+  InscribedDiscs inscribed_discs;
+  ExpectedBalls expected_balls;
   BallFit ball_fit;
-  cv::Mat converted, changed, strength, strong;
-  std::vector<Blob> candidates;
+  cv::Mat converted, mask;
+  std::vector<PixelRun> changed;
+  std::vector<Start> starts;
+  std::vector<BallOutline> outlines;  ///< of the sightings
   std::uint64_t count = 0;
 
   State(const CameraModel& lens, double diameter_m, const BallDetectorSettings& with)
@@ -63,88 +85,179 @@ struct BallDetector::State {
         ball_diameter_m(diameter_m),
         settings(with),
         background(lens.width_px, lens.height_px, with.threshold_sigmas),
-        changed(lens.height_px, lens.width_px, CV_8U),
-        strength(lens.height_px, lens.width_px, CV_8U),
-        strong(lens.height_px, lens.width_px, CV_8U) {}
+        expected_balls(diameter_m),
+        mask(lens.height_px, lens.width_px, CV_8U) {}
 
-  std::optional<BallOutline> outline_of(const Blob& blob, double elongation = max_elongation) const;
-  void choose_candidates(const cv::Mat& grey);
+  bool is_cut(const Blob& blob) const;
+  std::optional<BallOutline> outline_of(const Blob& blob) const;
+  std::optional<BallOutline> outline_of_cut(const cv::Mat& grey, const Blob& blob);
   void add_parts(const cv::Mat& grey, const Blob& whole);
-  std::optional<BallSighting> measure(const cv::Mat& grey, const Blob& blob);
+  void find_starts(const cv::Mat& grey, const std::vector<BallOutline>& expected);
+  void try_start(const cv::Mat& grey, const Start& start, FrameSightings& found);
+  bool is_cut(const BallOutline& outline) const;
+  bool is_doubtful(const FittedBall& ball) const;
+  bool is_found(const BallOutline& outline) const;
 };
+
+/// Whether the picture's edge may hide a part of a blob.
+bool BallDetector::State::is_cut(const Blob& blob) const {
+  const cv::Rect inside(1, 1, model.width_px - 2, model.height_px - 2);
+  return (blob.box & inside) != blob.box;
+}
 
 /// A first guess at the ball from a blob's moments, or nothing where it cannot be one. A disc of
 /// radius r that moves by s has the moments r^2/4 across and r^2/4 + s^2/12 along.
-std::optional<BallOutline> BallDetector::State::outline_of(const Blob& blob,
-                                                           double elongation) const {
-  const cv::Rect inside(1, 1, model.width_px - 2, model.height_px - 2);
-  if ((blob.box & inside) != blob.box) return std::nullopt;  // cut by the picture's edge
+std::optional<BallOutline> BallDetector::State::outline_of(const Blob& blob) const {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> spread(
       blob.spread_px2 + Eigen::Matrix2d::Identity() / 12);  // a pixel's own
   const double across = spread.eigenvalues()[0], along = spread.eigenvalues()[1];
   const double radius_px = 2 * std::sqrt(across);
   if (radius_px < settings.min_radius_px || radius_px > settings.max_radius_px) return std::nullopt;
-  if (along > elongation * elongation * across) return std::nullopt;
+  if (along > max_elongation * max_elongation * across) return std::nullopt;
   if (blob.area_px < min_filled * 4 * std::numbers::pi * std::sqrt(along * across))
     return std::nullopt;
   return BallOutline{blob.centroid_px, radius_px,
                      std::sqrt(12 * (along - across)) * spread.eigenvectors().col(1)};
 }
 
-void BallDetector::State::choose_candidates(const cv::Mat& grey) {
-  candidates.clear();
-  const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
-  for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
-    if (outline_of(blob))
-      candidates.push_back(blob);
-    else
-      add_parts(grey, blob);
+/// The circle through a blob's rim where the picture's edge does not cut it (least squares, after
+/// Kasa: |p|^2 = 2 c p + (r^2 - |c|^2)).
+std::optional<BallOutline> BallDetector::State::outline_of_cut(const cv::Mat& grey,
+                                                               const Blob& blob) {
+  const cv::Rect& box = blob.box;
+  if (box.area() > max_parted_px2) return std::nullopt;
+  cv::Mat marked = mask(box);
+  background.mark(grey, box, marked);
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  const auto add = [&](double x, double y) {
+    const bool is_rim = box.x + x > 0.5 && box.x + x < model.width_px - 1.5 && box.y + y > 0.5 &&
+                        box.y + y < model.height_px - 1.5;
+    if (!is_rim) return;
+    const Eigen::Vector3d row(2 * x, 2 * y, 1);
+    normal += row * row.transpose();
+    right += (x * x + y * y) * row;
+  };
+  for (int y = 0; y < box.height; ++y) {
+    int first = 0, last = box.width - 1;
+    while (first < box.width && !marked.at<std::uint8_t>(y, first)) ++first;
+    while (last > first && !marked.at<std::uint8_t>(y, last)) --last;
+    if (first == box.width) continue;
+    add(first - 0.5, y);
+    add(last + 0.5, y);
   }
-  const std::size_t most = fits_per_sighting * static_cast<std::size_t>(settings.max_sightings);
-  if (candidates.size() <= most) return;
-  std::ranges::nth_element(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(most),
-                           std::greater<>(), &Blob::area_px);
-  candidates.resize(most);
+  for (int x = 0; x < box.width; ++x) {
+    int first = 0, last = box.height - 1;
+    while (first < box.height && !marked.at<std::uint8_t>(first, x)) ++first;
+    while (last > first && !marked.at<std::uint8_t>(last, x)) --last;
+    if (first == box.height) continue;
+    add(x, first - 0.5);
+    add(x, last + 0.5);
+  }
+  const Eigen::LDLT<Eigen::Matrix3d> factors(normal);
+  if (factors.info() != Eigen::Success || factors.rcond() < 1e-9) return std::nullopt;
+  const Eigen::Vector3d circle = factors.solve(right);
+  const double radius_px = std::sqrt(std::max(0.0, circle[2] + circle.head<2>().squaredNorm()));
+  const bool is_possible = radius_px >= settings.min_radius_px &&
+                           radius_px <= settings.max_radius_px &&
+                           blob.area_px > min_seen * std::numbers::pi * radius_px * radius_px &&
+                           blob.area_px < 1.3 * std::numbers::pi * radius_px * radius_px;
+  if (!is_possible) return std::nullopt;
+  return BallOutline{circle.head<2>() + Eigen::Vector2d(box.x, box.y), radius_px, {0, 0}};
 }
 
-/// A ball that still touches the hand that threw it: where it stands out more than the rest, a
-/// higher threshold parts them. Of several thresholds the lowest that does so is taken.
+/// A ball that still touches the hand that threw it: a round end of the blob.
 void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
   const cv::Rect& box = whole.box;
-  const double radius_px = settings.min_radius_px;
-  if (box.width < 2 * radius_px || box.height < 2 * radius_px || box.area() > max_parted_px2)
-    return;
-  cv::Mat region = strength(box), mask = strong(box);
-  background.difference(grey, box, region);
-  double strongest = 0;
-  cv::minMaxLoc(region, nullptr, &strongest);
-  const std::size_t before = candidates.size();
-  for (const double share : {0.35, 0.5, 0.65, 0.8}) {
-    cv::compare(region, share * strongest, mask, cv::CMP_GT);
-    for (Blob part : part_finder.find(mask, 4)) {
-      part.box += box.tl();
-      part.centroid_px += Eigen::Vector2d(box.x, box.y);
-      if (outline_of(part, max_part_elongation)) candidates.push_back(part);
-    }
-    if (candidates.size() > before) return;
+  const double least_px = 2 * settings.min_radius_px;
+  if (box.width < least_px || box.height < least_px || box.area() > max_parted_px2) return;
+  cv::Mat marked = mask(box);
+  background.mark(grey, box, marked);
+  std::size_t parts = 0;
+  for (const InscribedDisc& disc : inscribed_discs.find(marked, settings.min_radius_px)) {
+    if (disc.radius_px > settings.max_radius_px) continue;
+    const Eigen::Vector2d corner(box.x, box.y);
+    starts.push_back({{corner + disc.centre_px, disc.radius_px, {0, 0}}, disc.free_share - 1});
+    if (++parts == max_parts) return;
   }
 }
 
-std::optional<BallSighting> BallDetector::State::measure(const cv::Mat& grey, const Blob& blob) {
-  const auto start = outline_of(blob);
-  const auto form = sphere_outline(model, ball_diameter_m, start->centre_px, start->radius_px);
-  if (!form) return std::nullopt;
-  const auto ball = ball_fit.fit(grey, background, form->shape, *start);
-  if (!ball || ball->explained < min_explained) return std::nullopt;
+/// Where a ball may be: what is expected first, then what is round, then round ends.
+void BallDetector::State::find_starts(const cv::Mat& grey,
+                                      const std::vector<BallOutline>& expected) {
+  starts.clear();
+  const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
+  for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
+    if (is_cut(blob)) {
+      if (const auto outline = outline_of_cut(grey, blob)) starts.push_back({*outline, 0.5});
+    } else if (const auto outline = outline_of(blob)) {
+      const double round = outline->radius_px / (outline->radius_px + outline->streak_px.norm());
+      starts.push_back({*outline, round});
+    } else {
+      add_parts(grey, blob);
+    }
+  }
+  for (Start& start : starts)
+    for (const BallOutline& ball : expected) {
+      if ((start.outline.centre_px - ball.centre_px).norm() > ball.radius_px + expected_px)
+        continue;
+      if (!start.expected) start.promise += 2;
+      start.expected = &ball;
+    }
+  std::ranges::sort(starts, std::greater<>(), [](const Start& start) {
+    return std::tuple(start.promise, start.outline.centre_px.y(), start.outline.centre_px.x());
+  });
+  if (starts.size() > max_fits) starts.resize(max_fits);
+}
+
+bool BallDetector::State::is_cut(const BallOutline& outline) const {
+  return !model.contains(outline.centre_px, outline.radius_px);
+}
+
+/// Whether something hides a part of the ball, or moves beside it.
+bool BallDetector::State::is_doubtful(const FittedBall& ball) const {
+  return ball.hidden > max_hidden || ball.foreign > max_foreign || is_cut(ball.outline);
+}
+
+bool BallDetector::State::is_found(const BallOutline& outline) const {
+  return std::ranges::any_of(outlines, [&](const BallOutline& found) {
+    return (found.centre_px - outline.centre_px).norm() < same_radii * found.radius_px;
+  });
+}
+
+void BallDetector::State::try_start(const cv::Mat& grey, const Start& start,
+                                    FrameSightings& found) {
+  if (found.sightings.size() >= static_cast<std::size_t>(settings.max_sightings)) return;
+  if (is_found(start.outline)) return;
+  const auto form =
+      sphere_outline(model, ball_diameter_m, start.outline.centre_px, start.outline.radius_px);
+  if (!form) return;
+  auto ball = ball_fit.fit(grey, background, form->shape, start.outline);
+  if (start.expected && (!ball || is_doubtful(*ball))) {
+    const auto other = ball_fit.fit(grey, background, form->shape, start.outline, start.expected);
+    if (other) ball = other;
+  }
+  if (!ball || ball->explained < min_explained || is_found(ball->outline)) return;
   const auto outline =
       sphere_outline(model, ball_diameter_m, ball->outline.centre_px, ball->outline.radius_px);
-  if (!outline) return std::nullopt;
+  if (!outline) return;
   BallSighting sighting;
-  sighting.center_px = ball->outline.centre_px - outline->offset_px;
-  sighting.cov_px2 =
-      ball->cov_centre_px2 + sigma_model_px * sigma_model_px * Eigen::Matrix2d::Identity();
+  sighting.camera = found.camera;
+  sighting.time = found.time;
   sighting.radius_px = ball->outline.radius_px;
-  return sighting;
+  sighting.center_px = ball->outline.centre_px - outline->offset_px;
+  sighting.is_partial = is_doubtful(*ball);
+  double sigma_px = std::hypot(sigma_model_px, sigma_streak * ball->outline.streak_px.norm());
+  if (sighting.is_partial) sigma_px = std::max(sigma_px, sigma_doubtful * ball->outline.radius_px);
+  if (is_cut(ball->outline)) sigma_px = std::max(sigma_px, sigma_cut * ball->outline.radius_px);
+  sighting.cov_px2 = ball->cov_centre_px2 + sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+  sighting.id = (static_cast<std::uint64_t>(found.camera) << 40) + count++;
+  found.sightings.push_back(sighting);
+  outlines.push_back(ball->outline);
+  if (sighting.is_partial && start.expected) {  // the next frame had better believe those before
+    outlines.back().radius_px = start.expected->radius_px;
+    outlines.back().streak_px = start.expected->streak_px;
+  }
 }
 
 BallDetector::BallDetector(CameraModel model, double ball_diameter_m, BallDetectorSettings settings)
@@ -156,18 +269,15 @@ FrameSightings BallDetector::detect(const Frame& frame) {
   State& s = *state_;
   FrameSightings found{frame.camera, frame.row0_mid_exposure, {}};
   const cv::Mat grey = luma(frame.image, s.converted);
-  if (!s.background.compare_and_learn(grey, s.changed)) return found;
-  s.choose_candidates(grey);
-  for (const Blob& blob : s.candidates) {
-    auto sighting = s.measure(grey, blob);
-    if (!sighting) continue;
-    sighting->camera = frame.camera;
-    sighting->time = frame.row0_mid_exposure;
-    // Unique over the cameras of a rig, too.
-    sighting->id = (static_cast<std::uint64_t>(frame.camera) << 40) + s.count++;
-    found.sightings.push_back(std::move(*sighting));
-    if (found.sightings.size() == static_cast<std::size_t>(s.settings.max_sightings)) break;
-  }
+  if (s.background.compare_and_learn(grey, s.changed) == Background::Outcome::learning)
+    return found;
+  s.outlines.clear();
+  const std::vector<BallOutline>& expected = s.expected_balls.at(found.time);
+  s.find_starts(grey, expected);
+  for (const Start& start : s.starts) s.try_start(grey, start, found);
+  // One that was seen flying and is not, now: it may stand before something as bright as itself.
+  for (const BallOutline& ball : expected) s.try_start(grey, {ball, 0.0, &ball}, found);
+  s.expected_balls.add(found.time, s.outlines);
   return found;
 }
 

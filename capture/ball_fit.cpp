@@ -20,12 +20,18 @@ constexpr double foreign_sigmas = 5.0;  ///< beside the ball, this is not the ba
 /// 1-sigma of the light from sky and sun, relative to the ball's contrast.
 constexpr double sky_spread = 0.5, sun_spread = 1.5;
 constexpr double min_radius_px = 0.8;
+/// By how much size and streak may differ from the frame before: share and pixels, 1-sigma.
+constexpr double sigma_size = 0.03, sigma_size_px = 0.05;
+constexpr double limb_px = 0.7;  ///< within the outline by so much, nothing behind shines through
+constexpr double beside_unrest = 0.5;      ///< of the unrest that is left where it was looked up
+constexpr double camera_sigmas = 2.0;      ///< of the typical noise: what is more is no noise
+constexpr double correlated_pixels = 8.0;  ///< of a leaf, or of an edge that moves
+constexpr double restless = 2.0;           ///< times the noise: what is behind moves
 constexpr double poor_misfit = 3.0;
 constexpr int hopeless_steps = 3;
 constexpr double hopeless_explained = 0.6;
 
 using P = BallModel;
-constexpr int light = 6;  ///< sky and sun, the last parameters
 
 double cauchy_weight(double residual, double scale) {
   return 1 / (1 + residual * residual / (scale * scale));
@@ -41,14 +47,20 @@ void BallFit::collect(const cv::Mat& grey, const Background& background, const B
           cv::Point(cvFloor(start.centre_px.x() - reach), cvFloor(start.centre_px.y() - reach)),
           cv::Point(cvCeil(start.centre_px.x() + reach), cvCeil(start.centre_px.y() + reach))) &
       cv::Rect({}, grey.size());
+  const double most_noise = camera_sigmas * background.typical_sigma_grey();
   pixels_.clear();
   for (int y = region.y; y < region.br().y; y += stride)
     for (int x = region.x; x < region.br().x; x += stride) {
       const Eigen::Vector2d at(x, y);
       if ((at - start.centre_px).norm() > reach) continue;
       const double still = background.grey(x, y);
-      pixels_.push_back({at, static_cast<double>(grey.at<std::uint8_t>(y, x)), still, still,
-                         background.sigma_grey(x, y), 0.0, Vector::Zero()});
+      const double all = background.sigma_grey(x, y), noise = std::min(all, most_noise);
+      const double unrest =
+          std::hypot(background.unrest_grey(x, y), std::sqrt(all * all - noise * noise));
+      const bool is_covered = (at - start.centre_px).norm() < start.radius_px - limb_px;
+      pixels_.push_back({at, static_cast<double>(grey.at<std::uint8_t>(y, x)), still, still, noise,
+                         unrest, is_covered ? noise : std::hypot(noise, unrest), 0.0,
+                         Vector::Zero()});
     }
 }
 
@@ -66,9 +78,20 @@ BallFit::Vector BallFit::first_guess(const BallOutline& start) {
   p[P::radius] = start.radius_px;
   p[P::level] = sum / std::max(1.0, count);
   const double scale2 = std::max(1.0, std::pow(contrast / std::max(1.0, count), 2));
-  light_prior_.head<3>().setConstant(1 / (sky_spread * sky_spread * scale2));
-  light_prior_.tail<3>().setConstant(1 / (sun_spread * sun_spread * scale2));
+  prior_.setZero();
+  prior_weight_.setZero();
+  prior_weight_.segment<3>(P::sky).setConstant(1 / (sky_spread * sky_spread * scale2));
+  prior_weight_.segment<3>(P::sun).setConstant(1 / (sun_spread * sun_spread * scale2));
   return p;
+}
+
+void BallFit::expect(const BallOutline& ball) {
+  const double sigma_radius = sigma_size_px + sigma_size * ball.radius_px;
+  const double sigma_streak = sigma_size_px + 3 * sigma_size * ball.streak_px.norm();
+  prior_[P::radius] = ball.radius_px;
+  prior_weight_[P::radius] = 1 / (sigma_radius * sigma_radius);
+  prior_.segment<2>(P::streak) = ball.streak_px;
+  prior_weight_.segment<2>(P::streak).setConstant(1 / (sigma_streak * sigma_streak));
 }
 
 void BallFit::evaluate(const BallModel& model, const Vector& p) {
@@ -90,7 +113,7 @@ double BallFit::robust_scale() {
 }
 
 double BallFit::cost(const Vector& p, double scale) const {
-  double sum = 0.5 * light_prior_.dot(p.tail<light>().cwiseAbs2());
+  double sum = 0.5 * prior_weight_.dot((p - prior_).cwiseAbs2());
   for (const Pixel& pixel : pixels_)
     sum -= 0.5 * scale * scale * std::log(cauchy_weight(pixel.residual, scale));
   return sum;
@@ -109,10 +132,12 @@ BallFit::Solution BallFit::normal_equations(const Vector& p, double scale, Vecto
     gradient += weight * pixel.residual * pixel.derivative;
   }
   out.misfit = squares / std::max(1.0, weights - size);
-  out.information.diagonal().tail<light>() += light_prior_;
-  gradient.tail<light>() -= light_prior_.cwiseProduct(p.tail<light>());
-  if (p.segment<2>(P::streak).isZero(0.0))  // stays what it is: its derivative is zero there
+  out.information.diagonal() += prior_weight_;
+  gradient -= prior_weight_.cwiseProduct(p - prior_);
+  if (p.segment<2>(P::streak).isZero(0.0)) {  // stays what it is: its derivative is zero there
     out.information.diagonal().segment<2>(P::streak).array() += 1.0;
+    gradient.segment<2>(P::streak).setZero();
+  }
   out.information.triangularView<Eigen::StrictlyUpper>() = out.information.transpose();
   return out;
 }
@@ -152,8 +177,10 @@ std::optional<BallFit::Solution> BallFit::descend(const BallModel& model, const 
 /// seen beside the ball. True if that differs from what was thought.
 bool BallFit::look_beside(const cv::Mat& grey, const Background& background, const BallModel& model,
                           const Vector& p) {
+  const double most_grey = camera_sigmas * background.typical_sigma_grey();
   const auto is_foreign = [&](double value, int x, int y) {
-    return std::abs(value - background.grey(x, y)) > foreign_sigmas * background.sigma_grey(x, y);
+    return std::abs(value - background.grey(x, y)) >
+           foreign_sigmas * std::min(background.sigma_grey(x, y), most_grey);
   };
   evaluate(model, p);
   bool is_new = false;
@@ -166,6 +193,9 @@ bool BallFit::look_beside(const cv::Mat& grey, const Background& background, con
       const double value = grey.at<std::uint8_t>(y, x);
       if (is_foreign(value, x, y)) behind = value;
     }
+    // What stands beside tells what is behind, if not for sure.
+    if (behind != pixel.background && pixel.sigma > pixel.noise)
+      pixel.sigma = std::hypot(pixel.noise, beside_unrest * pixel.unrest);
     is_new |= is_covered && std::abs(behind - pixel.behind) > foreign_sigmas * pixel.sigma;
     pixel.behind = behind;
   }
@@ -183,24 +213,67 @@ double BallFit::explained(double scale) const {
   return 1 - left / whole;
 }
 
-std::optional<FittedBall> BallFit::judged(const Solution& solution) const {
+/// Of the pixels as last evaluated.
+double BallFit::hidden(double scale) const {
+  double hidden = 0, whole = 1e-9;
+  for (const Pixel& pixel : pixels_) {
+    const double coverage = pixel.derivative[P::level] * pixel.sigma;
+    whole += coverage;
+    hidden += coverage * (1 - cauchy_weight(pixel.residual, scale));
+  }
+  return hidden / whole;
+}
+
+double BallFit::foreign() const {
+  double foreign = 0, whole = 1e-9;
+  for (const Pixel& pixel : pixels_) {
+    const double coverage = pixel.derivative[P::level] * pixel.sigma;
+    const double rim = coverage * (1 - coverage);
+    whole += rim;
+    if (pixel.behind != pixel.background || pixel.unrest > restless * pixel.noise) foreign += rim;
+  }
+  return foreign / whole;
+}
+
+/// Noise of a camera is white, but what sways behind a ball moves whole groups of pixels at once.
+/// By how much the variance of a centre is larger for that, as far as the rim's sigma is beyond
+/// the camera's.
+double BallFit::correlation_factor(double camera_sigma_grey) const {
+  double sum = 0, whole = 1e-9;
+  for (const Pixel& pixel : pixels_) {
+    const double coverage = pixel.derivative[P::level] * pixel.sigma;
+    const double rim = coverage * (1 - coverage);
+    whole += rim;
+    sum += rim * std::pow(std::min(1.0, camera_sigmas * camera_sigma_grey /
+                                            std::hypot(pixel.noise, pixel.unrest)),
+                          2);
+  }
+  return 1 + correlated_pixels * (1 - sum / whole);
+}
+
+std::optional<FittedBall> BallFit::judged(const Solution& solution,
+                                          double camera_sigma_grey) const {
   const Eigen::LDLT<Matrix> factors(solution.information);
   if (factors.info() != Eigen::Success) return std::nullopt;
   const Matrix cov = std::max(1.0, solution.misfit) * factors.solve(Matrix::Identity());
   const Vector& p = solution.p;
   FittedBall ball{{p.segment<2>(P::centre), p[P::radius], p.segment<2>(P::streak)},
-                  cov.topLeftCorner<2, 2>(),
-                  explained(solution.scale)};
+                  correlation_factor(camera_sigma_grey) * cov.topLeftCorner<2, 2>(),
+                  explained(solution.scale),
+                  hidden(solution.scale),
+                  foreign()};
   const bool is_sound = ball.cov_centre_px2.allFinite() && ball.cov_centre_px2.determinant() > 0;
   return is_sound ? std::optional(ball) : std::nullopt;
 }
 
 std::optional<FittedBall> BallFit::fit(const cv::Mat& grey, const Background& background,
-                                       const Eigen::Matrix2d& form, const BallOutline& start) {
+                                       const Eigen::Matrix2d& form, const BallOutline& start,
+                                       const BallOutline* expected) {
   const BallModel model(form);
   collect(grey, background, start);
   if (pixels_.size() < size + 2) return std::nullopt;
   Vector guess = first_guess(start);
+  if (expected) expect(*expected);
   auto best = descend(model, guess, first_steps);
   if (!best) return std::nullopt;
   for (int i = 0; i < looks_beside && look_beside(grey, background, model, best->p); ++i) {
@@ -213,7 +286,7 @@ std::optional<FittedBall> BallFit::fit(const cv::Mat& grey, const Background& ba
     if (other && other->misfit < best->misfit) best = other;
   }
   evaluate(model, best->p);
-  return judged(*best);
+  return judged(*best, background.typical_sigma_grey());
 }
 
 }  // namespace throwcal

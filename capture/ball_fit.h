@@ -7,28 +7,29 @@
 
 #include "capture/background.h"
 #include "capture/ball_model.h"
+#include "capture/ball_outline.h"
 
 namespace throwcal {
-
-/// A ball's outline as it moved through one exposure.
-struct BallOutline {
-  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  ///< of the outline, at mid-exposure
-  double radius_px = 0.0;                               ///< of the circle of the outline's area
-  Eigen::Vector2d streak_px = Eigen::Vector2d::Zero();  ///< movement during the exposure
-};
 
 struct FittedBall {
   BallOutline outline;
   Eigen::Matrix2d cov_centre_px2;
   double explained = 0.0;  ///< share of the difference to the background that a ball explains, to 1
+  double hidden =
+      0.0;  ///< share of the ball's pixels that show something else; 0.09 by noise alone
+  double foreign =
+      0.0;  ///< share of its outline with something beside that moves or is not background
 };
 
 /// Fits a BallModel to the pixels around a blob by robust least squares. Keeps its memory.
 class BallFit {
  public:
-  /// `form`: the outline's, see SphereOutline. Nothing where the pixels show no ball.
+  /// `form`: the outline's, see SphereOutline. `expected`: the ball as it should look by the frames
+  /// before, whose size and streak hardly change; of its place nothing is believed. Nothing where
+  /// the pixels show no ball.
   std::optional<FittedBall> fit(const cv::Mat& grey, const Background& background,
-                                const Eigen::Matrix2d& form, const BallOutline& start);
+                                const Eigen::Matrix2d& form, const BallOutline& start,
+                                const BallOutline* expected = nullptr);
 
  private:
   static constexpr int size = BallModel::size;
@@ -36,8 +37,10 @@ class BallFit {
   using Matrix = Eigen::Matrix<double, size, size>;
   struct Pixel {
     Eigen::Vector2d at;
-    double value, background, behind, sigma;
-    double residual;  ///< in sigmas
+    double value, background, behind;
+    double noise, unrest;  ///< of the picture; of what stands behind the ball
+    double sigma;          ///< of the two, by whether the ball covers it
+    double residual;       ///< in sigmas
     Vector derivative;
   };
   struct Solution {
@@ -48,6 +51,7 @@ class BallFit {
 
   void collect(const cv::Mat& grey, const Background& background, const BallOutline& start);
   Vector first_guess(const BallOutline& start);
+  void expect(const BallOutline& ball);
   void evaluate(const BallModel& model, const Vector& p);
   double robust_scale();
   double cost(const Vector& p, double scale) const;
@@ -56,11 +60,14 @@ class BallFit {
   bool look_beside(const cv::Mat& grey, const Background& background, const BallModel& model,
                    const Vector& p);
   double explained(double scale) const;
-  std::optional<FittedBall> judged(const Solution& solution) const;
+  double hidden(double scale) const;
+  double foreign() const;
+  double correlation_factor(double camera_sigma_grey) const;
+  std::optional<FittedBall> judged(const Solution& solution, double camera_sigma_grey) const;
 
   std::vector<Pixel> pixels_;
   std::vector<double> sizes_;
-  Eigen::Matrix<double, 6, 1> light_prior_;  ///< 1 / variance of sky and sun
+  Vector prior_, prior_weight_;  ///< mean and 1 / variance of what is known beforehand
 };
 
 }  // namespace throwcal

@@ -2,36 +2,52 @@
 #include "capture/blobs.h"
 
 #include <algorithm>
-#include <cstring>
+#include <array>
+#include <utility>
 
 namespace throwcal {
 namespace {
 
 constexpr int bridged_px = 2;  ///< steps from one marked pixel to the next that still joins it
 
-/// First marked column from `x` on, or `width`; eight at a time where nothing is marked.
-int next_marked(const std::uint8_t* row, int x, int width) {
-  for (; x + 8 <= width; x += 8) {
-    std::uint64_t eight;
-    std::memcpy(&eight, row + x, 8);
-    if (eight) break;
-  }
-  while (x < width && !row[x]) ++x;
-  return x;
-}
-
 }  // namespace
 
 const std::vector<Blob>& BlobFinder::find(const cv::Mat& marked, int min_area_px) {
-  runs_.clear();
-  row_start_.assign(1, 0);
+  mask_runs_.clear();
   for (int y = 0; y < marked.rows; ++y) {
-    add_runs(marked.ptr(y), y, marked.cols);
-    row_start_.push_back(runs_.size());
-    const auto row = static_cast<std::size_t>(y);
-    for (std::size_t up = 1; up <= bridged_px && up <= row; ++up)
-      join_rows(row_start_[row - up], row_start_[row - up + 1], row_start_[row],
-                row_start_[row + 1]);
+    const std::uint8_t* row = marked.ptr(y);
+    for (int x = 0; x < marked.cols; ++x) {
+      if (!row[x]) continue;
+      const int first = x;
+      while (x + 1 < marked.cols && row[x + 1]) ++x;
+      mask_runs_.push_back({y, first, x});
+    }
+  }
+  return find(mask_runs_, min_area_px);
+}
+
+const std::vector<Blob>& BlobFinder::find(std::span<const PixelRun> marked, int min_area_px) {
+  runs_.clear();
+  for (const PixelRun& run : marked) {
+    const int area = run.last - run.first + 1;
+    if (!runs_.empty() && runs_.back().y == run.y && run.first - runs_.back().last <= bridged_px) {
+      runs_.back().last = run.last;
+      runs_.back().area += area;
+    } else {
+      runs_.push_back({run.y, run.first, run.last, area, static_cast<int>(runs_.size())});
+    }
+  }
+  // Rows above a run, as far as is bridged: their runs begin where these indices say.
+  std::size_t row = 0, end = 0;
+  std::array<std::pair<std::size_t, std::size_t>, bridged_px> above{};
+  for (; row < runs_.size(); row = end) {
+    end = row;
+    while (end < runs_.size() && runs_[end].y == runs_[row].y) ++end;
+    for (const auto& [first, last] : above)
+      if (first < last && runs_[row].y - runs_[first].y <= bridged_px)
+        join_rows(first, last, row, end);
+    std::ranges::rotate(above, above.end() - 1);
+    above.front() = {row, end};
   }
   blobs_.clear();
   blob_of_run_.assign(runs_.size(), -1);
@@ -52,20 +68,6 @@ const std::vector<Blob>& BlobFinder::find(const cv::Mat& marked, int min_area_px
     blob.centroid_px += corner;
   }
   return blobs_;
-}
-
-void BlobFinder::add_runs(const std::uint8_t* row, int y, int width) {
-  const std::size_t first_of_row = runs_.size();
-  for (int x = next_marked(row, 0, width); x < width; x = next_marked(row, x, width)) {
-    const int first = x;
-    while (x < width && row[x]) ++x;
-    if (runs_.size() > first_of_row && first - runs_.back().last <= bridged_px) {
-      runs_.back().last = x - 1;
-      runs_.back().area += x - first;
-    } else {
-      runs_.push_back({y, first, x - 1, x - first, static_cast<int>(runs_.size())});
-    }
-  }
 }
 
 void BlobFinder::join_rows(std::size_t above, std::size_t above_end, std::size_t row,

@@ -2,7 +2,10 @@
 #pragma once
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <span>
 #include <vector>
+
+#include "capture/pixel_run.h"
 
 namespace throwcal {
 
@@ -18,8 +21,11 @@ struct Blob {
 /// stays.
 class BlobFinder {
  public:
-  /// Blobs of at least `min_area_px` in a mask (CV_8U; marked is not zero). Pixels a gap of one or
-  /// two apart belong together: what closing would bridge. Valid until the next call.
+  /// Blobs of at least `min_area_px` in marked pixels, given row by row from left to right. Pixels
+  /// with one unmarked between them belong together: what closing would bridge. Valid until the
+  /// next call.
+  const std::vector<Blob>& find(std::span<const PixelRun> marked, int min_area_px);
+  /// The same of a mask (CV_8U; marked is not zero).
   const std::vector<Blob>& find(const cv::Mat& marked, int min_area_px);
 
  private:
@@ -28,13 +34,12 @@ class BlobFinder {
     int area;
     int parent;
   };
-  void add_runs(const std::uint8_t* row, int y, int width);
   void join_rows(std::size_t above, std::size_t above_end, std::size_t row, std::size_t row_end);
   int root(int run);
   void add_to_blob(const Run& run, Blob& blob);
 
+  std::vector<PixelRun> mask_runs_;
   std::vector<Run> runs_;
-  std::vector<std::size_t> row_start_;
   std::vector<int> blob_of_run_;
   std::vector<Blob> blobs_;
 };

@@ -20,7 +20,12 @@ class BackgroundTest : public testing::Test {
         picture_.at<std::uint8_t>(y, x) =
             cv::saturate_cast<std::uint8_t>(grey + sigma_grey * dice_.normal());
       }
-    return background_.compare_and_learn(picture_, changed_);
+    const bool compared =
+        background_.compare_and_learn(picture_, runs_) == Background::Outcome::compared;
+    changed_.setTo(0);
+    for (const PixelRun& run : runs_)
+      changed_(cv::Rect(run.first, run.y, run.last - run.first + 1, 1)).setTo(255);
+    return compared;
   }
   void learn(double level) {
     for (int n = 0; n < 60; ++n) show(level);
@@ -28,6 +33,7 @@ class BackgroundTest : public testing::Test {
 
   Dice dice_{5};
   cv::Mat picture_ = cv::Mat(height, width, CV_8U), changed_ = picture_.clone();
+  std::vector<PixelRun> runs_;
   Background background_{width, height, 5.0};
 };
 
