@@ -31,8 +31,9 @@ constexpr double sigma_model_px = 0.01, sigma_streak = 0.0028;
 
 constexpr double min_seen = 0.3;                        ///< of a ball that the picture's edge cuts
 constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is seen whole
-/// What a ball that is not adds to the error, in radii: measured.
-constexpr double sigma_cut = 0.15, sigma_doubtful = 0.025;
+/// What a ball that is not adds to the error, in radii: measured; less where size and streak were
+/// expected.
+constexpr double sigma_cut = 0.15, sigma_doubtful = 0.05, sigma_expected = 0.025;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
@@ -248,7 +249,9 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start,
   sighting.center_px = ball->outline.centre_px - outline->offset_px;
   sighting.is_partial = is_doubtful(*ball);
   double sigma_px = std::hypot(sigma_model_px, sigma_streak * ball->outline.streak_px.norm());
-  if (sighting.is_partial) sigma_px = std::max(sigma_px, sigma_doubtful * ball->outline.radius_px);
+  if (sighting.is_partial)
+    sigma_px = std::max(
+        sigma_px, (start.expected ? sigma_expected : sigma_doubtful) * ball->outline.radius_px);
   if (is_cut(ball->outline)) sigma_px = std::max(sigma_px, sigma_cut * ball->outline.radius_px);
   sighting.cov_px2 = ball->cov_centre_px2 + sigma_px * sigma_px * Eigen::Matrix2d::Identity();
   sighting.id = (static_cast<std::uint64_t>(found.camera) << 40) + count++;

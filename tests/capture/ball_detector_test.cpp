@@ -12,19 +12,21 @@ namespace {
 
 /// What a detector made of the frames of simulated cameras, beside the truth.
 struct Score {
-  int frames = 0, flying = 0, found = 0, elsewhere = 0;
+  int frames = 0, flying = 0, found = 0, whole = 0, elsewhere = 0;
   Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
   double squares_px2 = 0, normalised = 0, log_radius = 0;
 
-  double rms_px() const { return std::sqrt(squares_px2 / (2 * found)); }
-  double bias_px() const { return (sum_px / found).norm(); }
+  /// Of balls seen whole; what is partly hidden says so, and its errors count by their sigmas.
+  double rms_px() const { return std::sqrt(squares_px2 / (2 * whole)); }
+  double bias_px() const { return (sum_px / whole).norm(); }
   double normalised_error() const { return normalised / (2 * found); }
   double recall() const { return static_cast<double>(found) / flying; }
   std::string text() const {
-    return std::to_string(found) + " of " + std::to_string(flying) + " found, RMS " +
-           std::to_string(rms_px()) + " px, bias " + std::to_string(bias_px()) +
-           " px, normalised error " + std::to_string(normalised_error()) + ", " +
-           std::to_string(elsewhere) + " sightings elsewhere";
+    return std::to_string(found) + " of " + std::to_string(flying) + " found, " +
+           std::to_string(whole) + " whole, RMS " + std::to_string(rms_px()) + " px, bias " +
+           std::to_string(bias_px()) + " px, normalised error " +
+           std::to_string(normalised_error()) + ", " + std::to_string(elsewhere) +
+           " sightings elsewhere";
   }
 };
 
@@ -83,8 +85,11 @@ Score watch(const SimulatedSceneSettings& settings, CameraId id, double end_s) {
         continue;
       }
       ++score.found;
-      score.sum_px += error;
-      score.squares_px2 += error.squaredNorm();
+      if (!sighting.is_partial) {
+        ++score.whole;
+        score.sum_px += error;
+        score.squares_px2 += error.squaredNorm();
+      }
       score.normalised += error.dot(sighting.cov_px2.inverse() * error);
       score.log_radius += std::log(*sighting.radius_px / truth->radius_px);
     }
