@@ -22,6 +22,9 @@ constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sq
 /// Unrest grows by half each turn that a pixel is found changed, and falls by one step else: a ball
 /// that passes adds next to nothing, a branch that sways is covered within some seconds.
 constexpr Fixed unrest_start = 2, unrest_decay = 1, max_unrest = 240;
+constexpr int unrest_by_deviation =
+    4;                              ///< steps a grey level of mean absolute difference: twice it
+constexpr double max_sigmas = 2.5;  ///< of the typical noise, that a pixel's own may be
 constexpr double sigma_by_unrest = 0.5 / 3;  ///< grey levels a step of unrest
 constexpr double new_scene_fraction = 0.4;
 constexpr int samples_a_side = 36;  ///< of the grid on which the light is measured
@@ -47,39 +50,49 @@ struct Row {
 };
 
 struct Bounds {
-  Fixed gain;   ///< sixteenths of a deviation
-  Fixed floor;  ///< of the threshold
+  Fixed gain;            ///< sixteenths of a deviation
+  Fixed floor;           ///< of the threshold
+  Fixed most_deviation;  ///< what is more is no noise but unrest
+  Fixed threshold(Fixed deviation) const {
+    return std::max(static_cast<Fixed>((deviation >> 4) * gain), floor);
+  }
 };
 
 /// The grey levels that are within a threshold of the mean, rounded inwards.
 inline void bound(const Row& row, int x, Fixed mean, Fixed deviation, Byte unrest,
                   const Bounds& bounds) {
-  // 32 grey levels of deviation and more saturate.
-  const auto wide = static_cast<Fixed>(std::min<Fixed>(deviation, 4000) >> 4);
-  const Fixed threshold = std::max(static_cast<Fixed>(wide * bounds.gain), bounds.floor);
+  const Fixed threshold = bounds.threshold(deviation);
   const int low = ((mean - threshold + 127) >> 7) - (unrest >> 1);
   const int high = ((mean + threshold) >> 7) + (unrest >> 1);
   row.low[x] = static_cast<Byte>(std::max(low, 0));
   row.high[x] = static_cast<Byte>(std::min(high, 255));
 }
 
+/// Three cases: noise, of which mean and deviation learn; what the pixel's unrest explains, of
+/// which nothing learns; and what is new, by which the unrest grows.
 inline void learn_pixel(const Row& row, int x, Byte grey, const Bounds& bounds) {
-  const bool changed = (grey < row.low[x]) | (grey > row.high[x]);
+  const bool is_new = (grey < row.low[x]) | (grey > row.high[x]);
   const auto difference = static_cast<Fixed>(static_cast<Fixed>(grey << 7) - row.mean[x]);
   const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
+  const bool moved = size > bounds.threshold(row.deviation[x]);
   const Fixed slow = step(difference, moving_shift), fast = step(difference, still_shift);
   const Fixed wider = step(size - row.deviation[x], deviation_shift);
-  row.mean[x] = static_cast<Fixed>(row.mean[x] + (changed ? slow : fast));
-  row.deviation[x] = static_cast<Fixed>(row.deviation[x] + (changed ? Fixed(0) : wider));
+  const auto deviation = static_cast<Fixed>(row.deviation[x] + (moved ? Fixed(0) : wider));
+  row.mean[x] = static_cast<Fixed>(row.mean[x] + (moved ? slow : fast));
+  row.deviation[x] = std::min(deviation, bounds.most_deviation);
   const auto more = static_cast<Fixed>(unrest_start + (row.unrest[x] >> 1));
-  const auto unrest = static_cast<Fixed>(row.unrest[x] + (changed ? more : Fixed(-unrest_decay)));
+  const Fixed change = is_new ? more : moved ? Fixed(0) : Fixed(-unrest_decay);
+  const auto unrest = static_cast<Fixed>(row.unrest[x] + change);
   row.unrest[x] = static_cast<Byte>(std::clamp<Fixed>(unrest, 0, max_unrest));
   bound(row, x, row.mean[x], row.deviation[x], row.unrest[x], bounds);
 }
 
-Bounds bounds_of(double threshold_sigmas) {
+Bounds bounds_of(double threshold_sigmas, double typical_sigma_grey) {
+  // 32 grey levels of deviation and more would not fit.
+  const double most = std::max(min_sigma_grey, max_sigmas * typical_sigma_grey);
   return {static_cast<Fixed>(std::min(120.0, 16 * sigma_by_deviation * threshold_sigmas)),
-          static_cast<Fixed>(128 * threshold_sigmas * min_sigma_grey)};
+          static_cast<Fixed>(128 * threshold_sigmas * min_sigma_grey),
+          static_cast<Fixed>(std::min(4000.0, 128 * most / sigma_by_deviation))};
 }
 
 /// Whether any of `block` pixels is out of bounds.
@@ -165,12 +178,27 @@ void Background::learn_from_scratch(const cv::Mat& grey) {
     }
   }
   if (learnt_frames_ < first_frames) return;
-  for (int y = 0; y < grey.rows; ++y) set_bounds(y);
   find_typical_sigma();
+  part_noise_from_unrest();
+}
+
+/// What varied by more than the camera's noise moved while it was learnt.
+void Background::part_noise_from_unrest() {
+  const Fixed most = bounds_of(threshold_sigmas_, typical_sigma_grey_).most_deviation;
+  for (int y = 0; y < mean_.rows; ++y) {
+    Fixed* deviation = deviation_.ptr<Fixed>(y);
+    for (int x = 0; x < mean_.cols; ++x) {
+      if (deviation[x] <= most) continue;
+      const int steps = unrest_by_deviation * deviation[x] / unit;
+      unrest_.at<Byte>(y, x) = static_cast<Byte>(std::min<int>(steps, max_unrest));
+      deviation[x] = most;
+    }
+    set_bounds(y);
+  }
 }
 
 void Background::set_bounds(int y) {
-  const Bounds bounds = bounds_of(threshold_sigmas_);
+  const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
   const Row row{mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
                 high_.ptr(y)};
   for (int x = 0; x < mean_.cols; ++x)
@@ -256,7 +284,7 @@ bool Background::is_everywhere(const std::vector<PixelRun>& changed) {
 }
 
 void Background::learn(const cv::Mat& grey) {
-  const Bounds bounds = bounds_of(threshold_sigmas_);
+  const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
   turn_ = (turn_ + 1) % row_turns;
   if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
   for (int y = turn_; y < grey.rows; y += row_turns) {

@@ -43,6 +43,7 @@ class Background {
  private:
   static constexpr int unit = 128;  ///< steps in a grey level: 255 * 128 fits 16 bits
   void learn_from_scratch(const cv::Mat& grey);
+  void part_noise_from_unrest();
   void set_bounds(int row);
   double brightness_ratio(const cv::Mat& grey);
   void find_typical_sigma();

@@ -35,6 +35,7 @@ constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is s
 /// expected.
 constexpr double sigma_cut = 0.15, sigma_doubtful = 0.05, sigma_expected = 0.025;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
+constexpr double like_radii = 1.35;  ///< a ball's size from frame to frame
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
 /// Brightness of a picture of any format; `converted` holds it where it has to be computed.
@@ -65,6 +66,11 @@ struct Start {
   double promise = 0.0;                   ///< the larger, the sooner it is tried
   const BallOutline* expected = nullptr;  ///< the ball that should be there
 };
+
+bool is_like(const BallOutline& ball, const BallOutline& expected) {
+  return ball.radius_px < like_radii * expected.radius_px &&
+         expected.radius_px < like_radii * ball.radius_px;
+}
 
 struct BallDetector::State {
   CameraModel model;
@@ -239,6 +245,7 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start,
     if (other) ball = other;
   }
   if (!ball || ball->explained < min_explained || is_found(ball->outline)) return;
+  if (start.expected && !is_like(ball->outline, *start.expected)) return;
   const auto outline =
       sphere_outline(model, ball_diameter_m, ball->outline.centre_px, ball->outline.radius_px);
   if (!outline) return;

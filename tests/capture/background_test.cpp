@@ -81,6 +81,72 @@ TEST_F(BackgroundTest, FollowsTheLightAndInTheEndWhatWasPutDown) {
   EXPECT_EQ(cv::countNonZero(changed_(object)), 0);
 }
 
+// A lamp, a cloud, a camera's own exposure: all pixels change by one factor, from one frame to the
+// next, and a ball is still seen.
+TEST_F(BackgroundTest, FollowsASuddenChangeOfLightAtOnce) {
+  learn(100);
+  const cv::Rect object(10, 8, 8, 8);
+  for (const double level : {115.0, 80.0, 96.0}) {
+    ASSERT_TRUE(show(level, object, level + 60));
+    EXPECT_GE(cv::countNonZero(changed_(object)), object.area() - 1) << level;
+    EXPECT_LE(cv::countNonZero(changed_) - object.area(), 12) << level;
+    for (int n = 0; n < 5; ++n) show(level);
+  }
+}
+
+// A pixel that shows leaves and sky by turns is restless: in the end only what is beyond both is
+// marked. One that a ball passes now and then is not.
+TEST_F(BackgroundTest, LearnsWhatIsRestless) {
+  learn(100);
+  const cv::Rect branch(40, 10, 12, 12), passed(10, 10, 8, 8);
+  int marked = 0;
+  for (int n = 0; n < 600; ++n) {
+    if (n % 120 < 3)
+      show(100, passed, 200);
+    else
+      show(100, n % 60 < 25 ? branch : cv::Rect(), 135);
+    if (n >= 480) marked += cv::countNonZero(changed_(branch));
+  }
+  EXPECT_LT(marked, 0.1 * 50 * branch.area());
+  EXPECT_GT(background_.unrest_grey(46, 16), 4.0);
+  EXPECT_LT(background_.unrest_grey(14, 14), 0.5);
+  show(100, branch, 220);
+  EXPECT_EQ(cv::countNonZero(changed_(branch)), branch.area());
+}
+
+TEST_F(BackgroundTest, TellsAShakenDarkOrSaturatedPicture) {
+  const auto show_stripes = [&](int shift) {
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        picture_.at<std::uint8_t>(y, x) = (x + shift) % 8 < 4 ? 60 : 140;
+    return background_.compare_and_learn(picture_, runs_);
+  };
+  for (int n = 0; n < 40; ++n) show_stripes(0);
+  EXPECT_FALSE(background_.is_shaken());
+  EXPECT_EQ(show_stripes(1), Background::Outcome::compared);
+  EXPECT_TRUE(background_.is_shaken());
+  int frames = 1;  // a camera that was turned sees another picture: it is learnt
+  while (show_stripes(1) == Background::Outcome::compared && frames < 100) ++frames;
+  EXPECT_LT(frames, 20);
+  for (int n = 0; n < 25; ++n) show_stripes(1);
+  EXPECT_FALSE(background_.is_shaken());
+  EXPECT_TRUE(runs_.empty());
+  EXPECT_FALSE(background_.is_dark() || background_.is_saturated());
+  show(2);
+  EXPECT_TRUE(background_.is_dark());
+  show(255);
+  EXPECT_TRUE(background_.is_saturated());
+}
+
+TEST(Background, OfOnePixelIsAPictureToo) {
+  Background background(1, 1, 5.0);
+  const cv::Mat grey(1, 1, CV_8U, cv::Scalar(80)), white(1, 1, CV_8U, cv::Scalar(255));
+  std::vector<PixelRun> runs;
+  for (int n = 0; n < 40; ++n) background.compare_and_learn(grey, runs);
+  EXPECT_TRUE(runs.empty());
+  EXPECT_EQ(background.compare_and_learn(white, runs), Background::Outcome::learning);
+}
+
 TEST_F(BackgroundTest, StartsAnewWhenTheWholePictureChanges) {
   learn(60);
   EXPECT_FALSE(show(160));
