@@ -12,79 +12,95 @@ namespace {
 using Fixed = std::int16_t;
 using Byte = std::uint8_t;
 
-constexpr int first_frames = 20;               ///< learnt from scratch
-constexpr int row_turns = 8;                   ///< each frame, every eighth row learns
-constexpr int still_shift = 3;                 ///< weight 2^-3 a turn: a time constant of 64 frames
-constexpr int moving_shift = 6;                ///< of 512 frames, so that a thing put down fades in
-constexpr int deviation_shift = 4;             ///< of 128 frames
-constexpr double min_sigma_grey = 0.8;         ///< rounding, and the background's own noise
+constexpr int first_frames = 20;        ///< learnt from scratch
+constexpr int row_turns = 16;           ///< each frame, every sixteenth row learns
+constexpr int still_shift = 3;          ///< weight 2^-3 a turn: a time constant of 128 frames
+constexpr int moving_shift = 6;         ///< of 1024 frames, so that a thing put down fades in
+constexpr int deviation_shift = 3;      ///< of 128 frames
+constexpr double min_sigma_grey = 0.8;  ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
-/// Unrest grows by half each turn that a pixel is found changed, and falls by one step else: a ball
+/// Unrest doubles each turn that a pixel is found changed, and falls by one step else: a ball
 /// that passes adds next to nothing, a branch that sways is covered within some seconds.
-constexpr Fixed unrest_start = 2, unrest_decay = 1, max_unrest = 240;
+constexpr Fixed unrest_start = 4, unrest_decay = 2, max_unrest = 240;
 constexpr int unrest_by_deviation =
     4;                              ///< steps a grey level of mean absolute difference: twice it
 constexpr double max_sigmas = 2.5;  ///< of the typical noise, that a pixel's own may be
 constexpr double sigma_by_unrest = 0.5 / 3;  ///< grey levels a step of unrest
 constexpr double new_scene_fraction = 0.4;
-constexpr int samples_a_side = 36;  ///< of the grid on which the light is measured
+constexpr int samples_a_side = 24;  ///< of the grid on which the light is measured
 constexpr int min_ratio_grey = 12, dark_grey = 10, saturated_grey = 250;
-constexpr double light_step = 0.005;    ///< a change of light that is followed at once
+constexpr double light_step = 0.007;    ///< a change of light that is followed at once
 constexpr double max_light_step = 2.5;  ///< beyond it is another scene
 constexpr int typical_frames = 64;      ///< how often the camera's noise is measured
 constexpr int tiles_a_side = 8;
 constexpr double shaken_tiles = 0.7, shaken_share = 0.02;
 constexpr int max_shaken_frames = 15;  ///< then it is another view: learnt anew
-constexpr int block = 64;  ///< constant counts are what the compiler turns into vector instructions
+constexpr int block =
+    128;  ///< constant counts are what the compiler turns into vector instructions
 
 bool is_changed(Byte grey, Byte low, Byte high) { return grey < low || grey > high; }
 
 /// A step of 2^-shift, rounded to nearest: rounded down, the mean would creep.
-inline Fixed step(int difference, int shift) {
-  return static_cast<Fixed>((difference + (1 << (shift - 1))) >> shift);
+inline Fixed step(Fixed difference, int shift) {
+  const auto half_steps = static_cast<Fixed>(difference >> (shift - 1));
+  return static_cast<Fixed>(static_cast<Fixed>(half_steps + 1) >> 1);
 }
-
-struct Row {
-  Fixed *mean, *deviation;
-  Byte *unrest, *low, *high;
-};
 
 struct Bounds {
   Fixed gain;            ///< sixteenths of a deviation
   Fixed floor;           ///< of the threshold
   Fixed most_deviation;  ///< what is more is no noise but unrest
-  Fixed threshold(Fixed deviation) const {
-    return std::max(static_cast<Fixed>((deviation >> 4) * gain), floor);
-  }
 };
 
-/// The grey levels that are within a threshold of the mean, rounded inwards.
-inline void bound(const Row& row, int x, Fixed mean, Fixed deviation, Byte unrest,
-                  const Bounds& bounds) {
-  const Fixed threshold = bounds.threshold(deviation);
-  const int low = ((mean - threshold + 127) >> 7) - (unrest >> 1);
-  const int high = ((mean + threshold) >> 7) + (unrest >> 1);
-  row.low[x] = static_cast<Byte>(std::max(low, 0));
-  row.high[x] = static_cast<Byte>(std::min(high, 255));
+inline Fixed threshold(Fixed deviation, Fixed gain, Fixed floor) {
+  const auto wide = static_cast<Fixed>(static_cast<Fixed>(deviation >> 4) * gain);
+  return wide > floor ? wide : floor;
+}
+
+/// The grey levels that are within a threshold and the unrest of the mean, rounded inwards. All
+/// sums fit 16 bits, of which a vector holds twice as many as of 32: hence the casts.
+inline Byte low_bound(Fixed mean, Fixed wide, Fixed unrest) {
+  const auto low = static_cast<Fixed>(static_cast<Fixed>(mean - wide + 127) >> 7);
+  const auto lower = static_cast<Fixed>(low - (unrest >> 1));
+  return static_cast<Byte>(lower < 0 ? Fixed(0) : lower);
+}
+inline Byte high_bound(Fixed mean, Fixed wide, Fixed unrest) {
+  const auto most = static_cast<Fixed>(32767 - mean);
+  const auto high = static_cast<Fixed>(static_cast<Fixed>(mean + (wide < most ? wide : most)) >> 7);
+  const auto higher = static_cast<Fixed>(high + (unrest >> 1));
+  return static_cast<Byte>(higher > 255 ? Fixed(255) : higher);
 }
 
 /// Three cases: noise, of which mean and deviation learn; what the pixel's unrest explains, of
 /// which nothing learns; and what is new, by which the unrest grows.
-inline void learn_pixel(const Row& row, int x, Byte grey, const Bounds& bounds) {
-  const bool is_new = (grey < row.low[x]) | (grey > row.high[x]);
-  const auto difference = static_cast<Fixed>(static_cast<Fixed>(grey << 7) - row.mean[x]);
-  const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
-  const bool moved = size > bounds.threshold(row.deviation[x]);
-  const Fixed slow = step(difference, moving_shift), fast = step(difference, still_shift);
-  const Fixed wider = step(size - row.deviation[x], deviation_shift);
-  const auto deviation = static_cast<Fixed>(row.deviation[x] + (moved ? Fixed(0) : wider));
-  row.mean[x] = static_cast<Fixed>(row.mean[x] + (moved ? slow : fast));
-  row.deviation[x] = std::min(deviation, bounds.most_deviation);
-  const auto more = static_cast<Fixed>(unrest_start + (row.unrest[x] >> 1));
-  const Fixed change = is_new ? more : moved ? Fixed(0) : Fixed(-unrest_decay);
-  const auto unrest = static_cast<Fixed>(row.unrest[x] + change);
-  row.unrest[x] = static_cast<Byte>(std::clamp<Fixed>(unrest, 0, max_unrest));
-  bound(row, x, row.mean[x], row.deviation[x], row.unrest[x], bounds);
+void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __restrict deviations,
+               Byte* __restrict unrests, Byte* __restrict lows, Byte* __restrict highs, int width,
+               const Bounds& bounds) {
+  const Fixed gain = bounds.gain, floor = bounds.floor, most = bounds.most_deviation;
+  for (int x = 0; x < width; ++x) {
+    const Fixed seen = grey[x], mean = means[x], deviation = deviations[x], unrest = unrests[x];
+    const Fixed low = lows[x], high = highs[x];
+    const auto difference = static_cast<Fixed>(static_cast<Fixed>(seen << 7) - mean);
+    const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
+    const Fixed wide = threshold(deviation, gain, floor);
+    const Fixed slow = step(difference, moving_shift), fast = step(difference, still_shift);
+    const Fixed wider = step(static_cast<Fixed>(size - deviation), deviation_shift);
+    const auto new_mean = static_cast<Fixed>(mean + (size > wide ? slow : fast));
+    const auto learnt = static_cast<Fixed>(deviation + (size > wide ? Fixed(0) : wider));
+    const Fixed new_deviation = learnt < most ? learnt : most;
+    const auto grown = static_cast<Fixed>(unrest + unrest_start + unrest);
+    const auto calmer = static_cast<Fixed>(unrest > unrest_decay ? unrest - unrest_decay : 0);
+    const Fixed held = size > wide ? unrest : calmer;
+    const Fixed within = seen > high ? grown : held;
+    const Fixed changed = seen < low ? grown : within;
+    const Fixed new_unrest = changed < max_unrest ? changed : max_unrest;
+    const Fixed new_wide = threshold(new_deviation, gain, floor);
+    means[x] = new_mean;
+    deviations[x] = new_deviation;
+    unrests[x] = static_cast<Byte>(new_unrest);
+    lows[x] = low_bound(new_mean, new_wide, new_unrest);
+    highs[x] = high_bound(new_mean, new_wide, new_unrest);
+  }
 }
 
 Bounds bounds_of(double threshold_sigmas, double typical_sigma_grey) {
@@ -98,10 +114,13 @@ Bounds bounds_of(double threshold_sigmas, double typical_sigma_grey) {
 /// Whether any of `block` pixels is out of bounds.
 inline bool any_changed(const Byte* __restrict grey, const Byte* __restrict low,
                         const Byte* __restrict high) {
-  Byte any = 0;
-  for (int i = 0; i < block; ++i)
-    any = static_cast<Byte>(any | (grey[i] < low[i]) | (grey[i] > high[i]));
-  return any != 0;
+  Byte beyond = 0;
+  for (int i = 0; i < block; ++i) {
+    const Byte above = static_cast<Byte>((grey[i] > high[i] ? grey[i] : high[i]) ^ high[i]);
+    const Byte below = static_cast<Byte>((grey[i] < low[i] ? grey[i] : low[i]) ^ low[i]);
+    beyond = static_cast<Byte>(beyond | above | below);
+  }
+  return beyond != 0;
 }
 
 }  // namespace
@@ -199,30 +218,45 @@ void Background::part_noise_from_unrest() {
 
 void Background::set_bounds(int y) {
   const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
-  const Row row{mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
-                high_.ptr(y)};
-  for (int x = 0; x < mean_.cols; ++x)
-    bound(row, x, row.mean[x], row.deviation[x], row.unrest[x], bounds);
+  const Fixed *mean = mean_.ptr<Fixed>(y), *deviation = deviation_.ptr<Fixed>(y);
+  const Byte* unrest = unrest_.ptr(y);
+  Byte *low = low_.ptr(y), *high = high_.ptr(y);
+  for (int x = 0; x < mean_.cols; ++x) {
+    const Fixed wide = threshold(deviation[x], bounds.gain, bounds.floor);
+    low[x] = low_bound(mean[x], wide, unrest[x]);
+    high[x] = high_bound(mean[x], wide, unrest[x]);
+  }
 }
 
-/// The median over a grid of pixels: whatever moves covers less than half of them.
+/// The picture's brightness over the background's; 1 where it cannot be told. The median over a
+/// grid of pixels (whatever moves covers less than half of them), wherever their sums differ at
+/// all.
 double Background::brightness_ratio(const cv::Mat& grey) {
   const int step_x = std::max(1, grey.cols / samples_a_side);
   const int step_y = std::max(1, grey.rows / samples_a_side);
-  int count = 0, dark = 0, saturated = 0;
+  int count = 0, dark = 0, saturated = 0, sum = 0, sum_mean = 0;
+  for (int y = step_y / 2; y < grey.rows; y += step_y) {
+    const Byte* row = grey.ptr(y);
+    const Fixed* mean = mean_.ptr<Fixed>(y);
+    for (int x = step_x / 2; x < grey.cols; x += step_x) {
+      ++count;
+      dark += row[x] < dark_grey;
+      saturated += row[x] >= saturated_grey;
+      sum += row[x];
+      sum_mean += mean[x];
+    }
+  }
+  is_dark_ = 20 * dark > 19 * count;
+  is_saturated_ = 2 * saturated > count;
+  if (std::abs(sum * unit - sum_mean) < 0.5 * light_step * sum_mean) return 1.0;
   samples_.clear();
   for (int y = step_y / 2; y < grey.rows; y += step_y)
     for (int x = step_x / 2; x < grey.cols; x += step_x) {
       const Byte pixel = grey.at<Byte>(y, x);
       const Fixed mean = mean_.at<Fixed>(y, x);
-      ++count;
-      dark += pixel < dark_grey;
-      saturated += pixel >= saturated_grey;
       if (mean > min_ratio_grey * unit && mean < saturated_grey * unit && pixel < saturated_grey)
         samples_.push_back(static_cast<float>(pixel * unit) / static_cast<float>(mean));
     }
-  is_dark_ = 20 * dark > 19 * count;
-  is_saturated_ = 2 * saturated > count;
   if (4 * samples_.size() < static_cast<std::size_t>(count)) return 1.0;
   const auto middle = samples_.begin() + static_cast<std::ptrdiff_t>(samples_.size() / 2);
   std::nth_element(samples_.begin(), middle, samples_.end());
@@ -287,12 +321,9 @@ void Background::learn(const cv::Mat& grey) {
   const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
   turn_ = (turn_ + 1) % row_turns;
   if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
-  for (int y = turn_; y < grey.rows; y += row_turns) {
-    const Byte* pixel = grey.ptr(y);
-    const Row row{mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
-                  high_.ptr(y)};
-    for (int x = 0; x < grey.cols; ++x) learn_pixel(row, x, pixel[x], bounds);
-  }
+  for (int y = turn_; y < grey.rows; y += row_turns)
+    learn_row(grey.ptr(y), mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y),
+              low_.ptr(y), high_.ptr(y), grey.cols, bounds);
 }
 
 }  // namespace throwcal
