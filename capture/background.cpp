@@ -148,6 +148,7 @@ Background::Outcome Background::compare_and_learn(const cv::Mat& grey,
                                                   std::vector<PixelRun>& changed) {
   changed.clear();
   const double ratio = brightness_ratio(grey);
+  if (is_dark_ || is_saturated_) return Outcome::learning;  // nothing is to be learnt from it
   if (learnt_frames_ < first_frames) {
     learn_from_scratch(grey);
     return Outcome::learning;
@@ -247,7 +248,7 @@ double Background::brightness_ratio(const cv::Mat& grey) {
     }
   }
   is_dark_ = 20 * dark > 19 * count;
-  is_saturated_ = 2 * saturated > count;
+  is_saturated_ = 5 * saturated > 4 * count;
   if (std::abs(sum * unit - sum_mean) < 0.5 * light_step * sum_mean) return 1.0;
   samples_.clear();
   for (int y = step_y / 2; y < grey.rows; y += step_y)

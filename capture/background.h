@@ -19,7 +19,8 @@ class Background {
 
   /// Finds the pixels of a grey picture (CV_8U) that differ from the background by more than their
   /// own noise and unrest explain, row by row, then learns from the picture. `learning`: nothing
-  /// is compared, at first and again after most of the picture changed or shook for long.
+  /// is compared, at first, again after most of the picture changed or shook for long, and where it
+  /// is dark or saturated.
   Outcome compare_and_learn(const cv::Mat& grey, std::vector<PixelRun>& changed);
 
   /// Marks the same pixels of a region in a mask of its size (CV_8U, 255 or 0), before it learns

@@ -27,7 +27,7 @@ constexpr int max_parted_px2 = 40000;  ///< of a blob's box: an arm, not a perso
 constexpr std::size_t max_parts = 3;   ///< of one blob
 constexpr std::size_t max_fits = 32;   ///< bounds the time that a busy picture takes
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
-constexpr double sigma_model_px = 0.01, sigma_streak = 0.0028;
+constexpr double sigma_model_px = 0.01, sigma_streak = 0.0038;
 
 constexpr double min_seen = 0.3;                        ///< of a ball that the picture's edge cuts
 constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is seen whole
@@ -85,6 +85,8 @@ struct BallDetector::State {
   std::vector<PixelRun> changed;
   std::vector<Start> starts;
   std::vector<BallOutline> outlines;  ///< of the sightings
+  FrameSightings found;
+  View view = View::learning;
   std::uint64_t count = 0;
 
   State(const CameraModel& lens, double diameter_m, const BallDetectorSettings& with)
@@ -93,14 +95,24 @@ struct BallDetector::State {
         settings(with),
         background(lens.width_px, lens.height_px, with.threshold_sigmas),
         expected_balls(diameter_m),
-        mask(lens.height_px, lens.width_px, CV_8U) {}
+        mask(lens.height_px, lens.width_px, CV_8U) {
+    // Memory for a busy picture is taken now: later a frame takes none.
+    const std::size_t runs = mask.total() / 16 + 64;
+    changed.reserve(runs);
+    blob_finder.reserve(runs);
+    inscribed_discs.reserve(max_parted_px2);
+    starts.reserve(256);
+    outlines.reserve(static_cast<std::size_t>(settings.max_sightings));
+    found.sightings.reserve(static_cast<std::size_t>(settings.max_sightings));
+  }
 
   bool is_cut(const Blob& blob) const;
   std::optional<BallOutline> outline_of(const Blob& blob) const;
   std::optional<BallOutline> outline_of_cut(const cv::Mat& grey, const Blob& blob);
   void add_parts(const cv::Mat& grey, const Blob& whole);
   void find_starts(const cv::Mat& grey, const std::vector<BallOutline>& expected);
-  void try_start(const cv::Mat& grey, const Start& start, FrameSightings& found);
+  View look(const Frame& frame);
+  void try_start(const cv::Mat& grey, const Start& start);
   bool is_cut(const BallOutline& outline) const;
   bool is_doubtful(const FittedBall& ball) const;
   bool is_found(const BallOutline& outline) const;
@@ -227,13 +239,31 @@ bool BallDetector::State::is_doubtful(const FittedBall& ball) const {
 }
 
 bool BallDetector::State::is_found(const BallOutline& outline) const {
-  return std::ranges::any_of(outlines, [&](const BallOutline& found) {
-    return (found.centre_px - outline.centre_px).norm() < same_radii * found.radius_px;
+  return std::ranges::any_of(outlines, [&](const BallOutline& known) {
+    return (known.centre_px - outline.centre_px).norm() < same_radii * known.radius_px;
   });
 }
 
-void BallDetector::State::try_start(const cv::Mat& grey, const Start& start,
-                                    FrameSightings& found) {
+View BallDetector::State::look(const Frame& frame) {
+  const ImageView& image = frame.image;
+  if (image.width_px != model.width_px || image.height_px != model.height_px)
+    return View::wrong_size;
+  const cv::Mat grey = luma(image, converted);
+  const auto outcome = background.compare_and_learn(grey, changed);
+  if (background.is_dark()) return View::dark;
+  if (background.is_saturated()) return View::saturated;
+  if (outcome == Background::Outcome::learning) return View::learning;
+  outlines.clear();
+  const std::vector<BallOutline>& expected = expected_balls.at(found.time);
+  find_starts(grey, expected);
+  for (const Start& start : starts) try_start(grey, start);
+  // One that was seen flying and is not, now: it may stand before something as bright as itself.
+  for (const BallOutline& ball : expected) try_start(grey, {ball, 0.0, &ball});
+  expected_balls.add(found.time, outlines);
+  return background.is_shaken() ? View::shaken : View::clear;
+}
+
+void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   if (found.sightings.size() >= static_cast<std::size_t>(settings.max_sightings)) return;
   if (is_found(start.outline)) return;
   const auto form =
@@ -275,20 +305,33 @@ BallDetector::BallDetector(CameraModel model, double ball_diameter_m, BallDetect
 BallDetector::~BallDetector() = default;
 BallDetector::BallDetector(BallDetector&&) noexcept = default;
 
-FrameSightings BallDetector::detect(const Frame& frame) {
+const FrameSightings& BallDetector::detect(const Frame& frame) {
   State& s = *state_;
-  FrameSightings found{frame.camera, frame.row0_mid_exposure, {}};
-  const cv::Mat grey = luma(frame.image, s.converted);
-  if (s.background.compare_and_learn(grey, s.changed) == Background::Outcome::learning)
-    return found;
-  s.outlines.clear();
-  const std::vector<BallOutline>& expected = s.expected_balls.at(found.time);
-  s.find_starts(grey, expected);
-  for (const Start& start : s.starts) s.try_start(grey, start, found);
-  // One that was seen flying and is not, now: it may stand before something as bright as itself.
-  for (const BallOutline& ball : expected) s.try_start(grey, {ball, 0.0, &ball}, found);
-  s.expected_balls.add(found.time, s.outlines);
-  return found;
+  s.found.camera = frame.camera;
+  s.found.time = frame.row0_mid_exposure;
+  s.found.sightings.clear();
+  s.view = s.look(frame);
+  return s.found;
+}
+
+View BallDetector::view() const { return state_->view; }
+
+std::string_view description(View view) {
+  switch (view) {
+    case View::clear:
+      return "clear";
+    case View::learning:
+      return "used to learn the background";
+    case View::dark:
+      return "too dark to see anything in";
+    case View::saturated:
+      return "saturated: lower the exposure or the gain";
+    case View::shaken:
+      return "shaken: the whole picture moves";
+    case View::wrong_size:
+      return "not of the size that the rig file says";
+  }
+  return "";
 }
 
 }  // namespace throwcal

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "capture/frame.h"
@@ -19,6 +20,12 @@ struct BallDetectorSettings {
 /// matt balls, where whole recordings are off by 0.002 to 0.01 px.
 constexpr double sigma_common_centre_px = 0.01;
 
+/// What kept a detector from seeing, or nothing (`clear`).
+enum class View { clear, learning, dark, saturated, shaken, wrong_size };
+constexpr std::size_t views = 6;
+/// As a person is told it: "too dark to see anything in".
+std::string_view description(View view);
+
 /// Finds ball-like moving blobs in one camera's frames: background difference, threshold,
 /// components, then the fit of a shaded, moving sphere gives the sub-pixel centre of its
 /// projection.
@@ -28,8 +35,11 @@ class BallDetector {
   ~BallDetector();
   BallDetector(BallDetector&&) noexcept;
 
-  /// Blobs in a frame. Empty while the background is still being learnt.
-  FrameSightings detect(const Frame& frame);
+  /// Blobs in a frame, valid until the next call. Empty while the background is being learnt, and
+  /// where the picture has not the size that the lens was calibrated for.
+  const FrameSightings& detect(const Frame& frame);
+  /// How the last frame looked.
+  View view() const;
 
  private:
   struct State;

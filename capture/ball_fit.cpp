@@ -39,6 +39,11 @@ double cauchy_weight(double residual, double scale) {
 
 }  // namespace
 
+BallFit::BallFit() {
+  pixels_.reserve(4096);
+  sizes_.reserve(4096);
+}
+
 void BallFit::collect(const cv::Mat& grey, const Background& background, const BallOutline& start) {
   const int stride = std::max(1, static_cast<int>(start.radius_px / dense_radius_px) + 1);
   const double reach = 1.2 * start.radius_px + 0.5 * start.streak_px.norm() + margin_px;

@@ -24,6 +24,8 @@ struct FittedBall {
 /// Fits a BallModel to the pixels around a blob by robust least squares. Keeps its memory.
 class BallFit {
  public:
+  BallFit();
+
   /// `form`: the outline's, see SphereOutline. `expected`: the ball as it should look by the frames
   /// before, whose size and streak hardly change; of its place nothing is believed. Nothing where
   /// the pixels show no ball.

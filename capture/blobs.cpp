@@ -12,6 +12,12 @@ constexpr int bridged_px = 2;  ///< steps from one marked pixel to the next that
 
 }  // namespace
 
+void BlobFinder::reserve(std::size_t runs) {
+  runs_.reserve(runs);
+  blob_of_run_.reserve(runs);
+  blobs_.reserve(runs / 4);
+}
+
 const std::vector<Blob>& BlobFinder::find(const cv::Mat& marked, int min_area_px) {
   mask_runs_.clear();
   for (int y = 0; y < marked.rows; ++y) {

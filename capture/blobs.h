@@ -21,6 +21,8 @@ struct Blob {
 /// stays.
 class BlobFinder {
  public:
+  /// Takes the memory for so many runs now.
+  void reserve(std::size_t runs);
   /// Blobs of at least `min_area_px` in marked pixels, given row by row from left to right. Pixels
   /// with one unmarked between them belong together: what closing would bridge. Valid until the
   /// next call.

@@ -19,6 +19,12 @@ constexpr std::size_t most_expected = 8;
 
 }  // namespace
 
+ExpectedBalls::ExpectedBalls(double ball_diameter_m) : ball_diameter_m_(ball_diameter_m) {
+  for (Seen& seen : seen_) seen.balls.reserve(64);
+  expected_balls_.reserve(256);
+  expected_.reserve(256);
+}
+
 void ExpectedBalls::add(HostTime time, std::span<const BallOutline> found) {
   std::ranges::rotate(seen_, seen_.end() - 1);
   Seen& now = seen_.front();

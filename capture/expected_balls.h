@@ -14,7 +14,7 @@ namespace throwcal {
 /// moved smoothly will do so once more. A guess of where to look first, no verdict on what flies.
 class ExpectedBalls {
  public:
-  explicit ExpectedBalls(double ball_diameter_m) : ball_diameter_m_(ball_diameter_m) {}
+  explicit ExpectedBalls(double ball_diameter_m);
 
   /// Outlines expected in a frame at a time, at most eight; none where frames are missing. Valid
   /// until the next call.

@@ -21,6 +21,12 @@ constexpr std::size_t max_peaks = 64;
 
 }  // namespace
 
+void InscribedDiscs::reserve(std::size_t pixels) {
+  distances_.reserve(2 * pixels);
+  peaks_.reserve(pixels / 8);
+  discs_.reserve(max_peaks);
+}
+
 /// Distances to the nearest pixel that is not marked; what is beyond the picture is not.
 void InscribedDiscs::measure_distances(const cv::Mat& marked) {
   width_ = marked.cols + 4;  // a border of two, so that no step leaves the memory

@@ -18,6 +18,8 @@ struct InscribedDisc {
 /// its memory.
 class InscribedDiscs {
  public:
+  /// Takes the memory for a region of so many pixels now.
+  void reserve(std::size_t pixels);
   /// Discs of at least `min_radius_px` whose rim is mostly free, the freest first. Valid until the
   /// next call. `marked`: CV_8U, not zero is marked.
   const std::vector<InscribedDisc>& find(const cv::Mat& marked, double min_radius_px);

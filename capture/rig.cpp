@@ -120,13 +120,15 @@ class Station {
   void detect() {
     while (const auto lease = ring_.take()) {
       FrameSightings found = detector_.detect(lease->frame());
-      count(found.sightings.size());
+      count(found.sightings.size(), detector_.view());
       queue_.push(std::move(found), camera_->waits_for_reader());
     }
   }
 
-  void count(std::size_t sightings) {
+  void count(std::size_t sightings, View view) {
     const std::lock_guard lock(mutex_);
+    stats_.view = view;
+    ++stats_.frames_by_view[static_cast<std::size_t>(view)];
     ++stats_.frames;
     stats_.sightings += sightings;
     ++rate_frames_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -27,8 +28,10 @@ struct CameraStats {
   std::uint64_t frames_lost_by_driver = 0;  ///< gaps in the driver's sequence
   std::uint64_t frames_dropped = 0;         ///< ring full: the detector was too slow
   std::uint64_t sightings = 0;              ///< candidates found
-  double frames_per_s = 0.0;                ///< over the last second or so
-  bool running = false;                     ///< false: ended or failed, `error` says why
+  View view = View::learning;               ///< how the last frame looked
+  std::array<std::uint64_t, views> frames_by_view{};
+  double frames_per_s = 0.0;  ///< over the last second or so
+  bool running = false;       ///< false: ended or failed, `error` says why
   std::string error;
 };
 

@@ -32,6 +32,7 @@ struct CalibrateOptions {
 struct Recording {
   std::vector<BallSighting> sightings;
   std::vector<Throw> throws;
+  std::vector<std::string> warnings;
 };
 
 Recording read_sightings_recording(const Config& config, const std::string& file) {
@@ -87,6 +88,7 @@ Recording read_videos(const Config& config, const std::vector<std::string>& vide
     return frame;
   });
   check_ended_well(rig);
+  out.warnings = unclear_frames(rig);
   std::ranges::sort(out.sightings, {}, [](const auto& s) { return std::pair(s.time, s.id); });
   return out;
 }
@@ -107,8 +109,9 @@ int run(const CalibrateOptions& options) {
   const Recording recording = options.videos.empty()
                                   ? read_sightings_recording(config, options.sightings)
                                   : read_videos(config, options.videos);
-  for (const std::string& warning :
-       config.warnings)  // of an unusable input, only the error is told
+  // Of an unusable input, only the error is told.
+  std::ranges::copy(recording.warnings, std::back_inserter(config.warnings));
+  for (const std::string& warning : config.warnings)
     std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   Calibration result;
   {

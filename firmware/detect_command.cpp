@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -52,6 +53,7 @@ struct Detection {
   std::vector<SightingRow> rows;  ///< by camera, then time
   std::vector<std::size_t> frames, flights;
   std::size_t throws = 0;
+  std::vector<std::string> warnings;
 };
 
 class Watcher {
@@ -146,7 +148,9 @@ Detection watch(std::vector<std::unique_ptr<Camera>> cameras, const Config& conf
     watcher.add(*std::move(frame));
   }
   check_ended_well(rig);
-  return watcher.finish(joined);
+  Detection out = watcher.finish(joined);
+  out.warnings = unclear_frames(rig);
+  return out;
 }
 
 int run(const DetectOptions& options) {
@@ -159,10 +163,11 @@ int run(const DetectOptions& options) {
   for (const auto& camera : cameras)
     std::ranges::find(config.rig.cameras, camera->name(), &CameraDescription::name)->model =
         camera->model();
-  for (const std::string& warning : config.warnings)
-    std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   const bool joined = !options.rig.empty() && cameras.size() > 1;
   const Detection found = watch(std::move(cameras), config, joined);
+  std::ranges::copy(found.warnings, std::back_inserter(config.warnings));
+  for (const std::string& warning : config.warnings)
+    std::fprintf(stderr, "throwcal: warning: %s\n", warning.c_str());
   if (!options.output.empty())
     write_text_file(options.output, to_sightings_csv(found.rows, config.rig, true));
   if (!options.overlay.empty()) {

@@ -19,6 +19,7 @@ Json to_json(const CameraStats& c, int flights) {
           {"frames_dropped", c.frames_dropped},
           {"sightings", c.sightings},
           {"flights", flights},
+          {"view", description(c.view)},
           {"error", c.error.empty() ? Json(nullptr) : Json(c.error)}};
 }
 

@@ -54,4 +54,17 @@ void check_ended_well(const Rig& rig) {
                      " frames were lost between detector and estimator");
 }
 
+std::vector<std::string> unclear_frames(const Rig& rig) {
+  std::vector<std::string> lines;
+  for (const CameraStats& camera : rig.stats())
+    for (const View view : {View::dark, View::saturated, View::shaken, View::wrong_size}) {
+      const std::uint64_t frames = camera.frames_by_view[static_cast<std::size_t>(view)];
+      if (frames == 0) continue;
+      lines.push_back("camera \"" + camera.name + "\": " + std::to_string(frames) + " of " +
+                      std::to_string(camera.frames) + " frames were " +
+                      std::string(description(view)));
+    }
+  return lines;
+}
+
 }  // namespace throwcal

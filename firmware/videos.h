@@ -28,4 +28,8 @@ std::vector<std::unique_ptr<Camera>> open_videos(const std::vector<NamedVideo>& 
 /// Throws InputError, naming the camera, unless all frames of a rig that has ended were looked at.
 void check_ended_well(const Rig& rig);
 
+/// One line a camera and cause: "camera "north": 45 of 487 frames were too dark to see anything
+/// in". Frames that were learnt from at first are nothing to tell.
+std::vector<std::string> unclear_frames(const Rig& rig);
+
 }  // namespace throwcal

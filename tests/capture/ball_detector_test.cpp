@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+
+#include <opencv2/core.hpp>
 
 #include "capture/camera_factory.h"
 
@@ -69,7 +72,7 @@ Score watch(const SimulatedSceneSettings& settings, CameraId id, double end_s) {
   Score score;
   camera->start();
   for (; camera->next(slot, frame) == Camera::Outcome::frame; ++score.frames) {
-    const FrameSightings found = detector.detect(frame);
+    const FrameSightings& found = detector.detect(frame);
     EXPECT_EQ(found.time, frame.row0_mid_exposure);
     const double true_s =
         seconds(frame.row0_mid_exposure.time_since_epoch()) + scene->time_offset_s(id);
@@ -144,6 +147,126 @@ TEST(BallDetector, SeesNothingInAnEmptyScene) {
   const Score score = watch({.seed = 3}, 0, 0.68);
   EXPECT_GT(score.frames, 38);
   EXPECT_EQ(score.elsewhere, 0);
+}
+
+// ---- pictures that nothing can be seen in ----
+
+CameraModel model_of(int width_px, int height_px) {
+  return {.width_px = width_px,
+          .height_px = height_px,
+          .fx_px = 600,
+          .fy_px = 600,
+          .cx_px = 0.5 * (width_px - 1),
+          .cy_px = 0.5 * (height_px - 1)};
+}
+
+/// Frames made by hand: stripes of a brightness, shifted, with a ball where one is wanted.
+class HandMade {
+ public:
+  explicit HandMade(int width_px = 160, int height_px = 120)
+      : picture_(height_px, width_px, CV_8U), detector_(model_of(width_px, height_px), 0.0657) {}
+
+  HandMade& stripes(int dark, int bright, int shift = 0) {
+    for (int y = 0; y < picture_.rows; ++y)
+      for (int x = 0; x < picture_.cols; ++x)
+        picture_.at<std::uint8_t>(y, x) =
+            static_cast<std::uint8_t>((x + y + shift) % 16 < 8 ? dark : bright);
+    return *this;
+  }
+  /// A disc with a soft rim, in front of all of it or only of the columns before `hidden_from`.
+  HandMade& ball(double x, double y, double radius_px, int grey, int hidden_from = 1 << 20) {
+    for (int v = 0; v < picture_.rows; ++v)
+      for (int u = 0; u < std::min(hidden_from, picture_.cols); ++u) {
+        const double inside = std::clamp(radius_px + 0.5 - std::hypot(u - x, v - y), 0.0, 1.0);
+        auto& pixel = picture_.at<std::uint8_t>(v, u);
+        pixel = cv::saturate_cast<std::uint8_t>(pixel + inside * (grey - pixel));
+      }
+    return *this;
+  }
+  const FrameSightings& show() {
+    Frame frame;
+    frame.row0_mid_exposure = HostTime(std::chrono::milliseconds(16 * ++count_));
+    frame.image = {picture_.data, picture_.cols, picture_.rows, picture_.step, PixelFormat::grey};
+    return detector_.detect(frame);
+  }
+  void learn() {
+    for (int n = 0; n < 30; ++n) stripes(60, 90).show();
+  }
+  BallDetector& detector() { return detector_; }
+  cv::Mat& picture() { return picture_; }
+
+ private:
+  cv::Mat picture_;
+  BallDetector detector_;
+  int count_ = 0;
+};
+
+TEST(BallDetector, NamesWhatItCannotSeeInAndSeesAgainAfterwards) {
+  HandMade film;
+  EXPECT_EQ(film.detector().view(), View::learning);
+  film.learn();
+  EXPECT_EQ(film.detector().view(), View::clear);
+  for (int n = 0; n < 5; ++n) film.stripes(0, 2).show();
+  EXPECT_EQ(film.detector().view(), View::dark);
+  for (int n = 0; n < 5; ++n) film.stripes(255, 255).show();
+  EXPECT_EQ(film.detector().view(), View::saturated);
+  film.learn();
+  film.stripes(60, 90, 2).show();
+  EXPECT_EQ(film.detector().view(), View::shaken);
+  film.learn();
+  ASSERT_EQ(film.stripes(60, 90).ball(80, 60, 6, 200).show().sightings.size(), 1u);
+  EXPECT_EQ(film.detector().view(), View::clear);
+}
+
+TEST(BallDetector, APictureOfAnotherSizeIsNamedAndLeftOut) {
+  HandMade film;
+  film.learn();
+  std::vector<std::uint8_t> pixels(80 * 60, 100);
+  Frame small;
+  small.image = {pixels.data(), 80, 60, 80, PixelFormat::grey};
+  EXPECT_TRUE(film.detector().detect(small).sightings.empty());
+  EXPECT_EQ(film.detector().view(), View::wrong_size);
+  EXPECT_EQ(film.stripes(60, 90).ball(80, 60, 6, 200).show().sightings.size(), 1u);
+}
+
+TEST(BallDetector, APictureOfOnePixelIsLookedAt) {
+  HandMade film(1, 1);
+  for (int n = 0; n < 60; ++n)
+    EXPECT_TRUE(film.stripes(60, n % 7 ? 60 : 200).show().sightings.empty());
+}
+
+TEST(BallDetector, FindsSmallFarAndLargeNearBalls) {
+  for (const double radius_px : {3.0, 5.0, 12.0, 25.0, 40.0}) {
+    HandMade film;
+    film.learn();
+    const auto& found = film.stripes(60, 90).ball(80.3, 60.6, radius_px, 200).show().sightings;
+    ASSERT_EQ(found.size(), 1u) << radius_px;
+    EXPECT_NEAR(*found[0].radius_px, radius_px, 0.1 + 0.01 * radius_px);
+    EXPECT_FALSE(found[0].is_partial) << radius_px;
+    // A disc is no ball: no perspective is to be taken back, which the model does.
+    EXPECT_NEAR((found[0].center_px - Eigen::Vector2d(80.3, 60.6)).norm(), 0, 0.03) << radius_px;
+  }
+}
+
+TEST(BallDetector, ABallCutByThePicturesEdgeOrByAPoleIsPartialAndLessSure) {
+  HandMade film;
+  film.learn();
+  const auto whole = film.stripes(60, 90).ball(80, 60, 10, 200).show().sightings.at(0);
+  film.learn();
+  const auto& cut = film.stripes(60, 90).ball(4, 60, 10, 200).show().sightings;
+  ASSERT_EQ(cut.size(), 1u);
+  EXPECT_TRUE(cut[0].is_partial);
+  EXPECT_GT(cut[0].cov_px2.trace(), 100 * whole.cov_px2.trace());
+  EXPECT_NEAR((cut[0].center_px - Eigen::Vector2d(4, 60)).norm(), 0,
+              3 * std::sqrt(cut[0].cov_px2.trace()));
+  // It flew to the pole, so that its size is known when a part of it is hidden.
+  film.learn();
+  for (int n = 0; n < 6; ++n) film.stripes(60, 90).ball(50 + 5 * n, 60, 10, 200, 83).show();
+  const auto& hidden = film.stripes(60, 90).ball(80, 60, 10, 200, 83).show().sightings;
+  ASSERT_EQ(hidden.size(), 1u);
+  EXPECT_TRUE(hidden[0].is_partial);
+  EXPECT_NEAR((hidden[0].center_px - Eigen::Vector2d(80, 60)).norm(), 0,
+              3 * std::sqrt(hidden[0].cov_px2.trace()));
 }
 
 }  // namespace
