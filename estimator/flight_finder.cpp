@@ -173,7 +173,10 @@ struct FlightFinder::State {
   /// The last word on a flight that is over: its tests, its sightings taken.
   std::optional<Track> conclude(const GrownFlight& flight) {
     if (!passes(flight)) return std::nullopt;
-    Track out{flight.fit.camera, {}};
+    Track out{flight.fit.camera,
+              {},
+              is_clear_beyond(history, flight, true),
+              is_clear_beyond(history, flight, false)};
     for (const CandidateRef& ref : flight.points) {
       history.take(ref);
       out.sightings.push_back(history.at(ref).sighting);

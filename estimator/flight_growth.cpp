@@ -9,6 +9,7 @@
 namespace throwcal {
 namespace {
 
+constexpr double beyond_intervals = 3.5, near_m = 0.25;  ///< a hand, a bounce: no farther off
 constexpr double max_chi2_per_dof = 1.8;
 constexpr double max_speed_mps = 12.0;
 constexpr double max_relative_sigma_depth = 0.25;
@@ -201,6 +202,23 @@ bool has_the_balls_size(const CandidateHistory& history, const GrownFlight& flig
 }
 
 }  // namespace
+
+bool is_clear_beyond(const CandidateHistory& history, const GrownFlight& flight, bool front) {
+  const std::int64_t step = front ? -1 : 1;
+  const std::int64_t edge = front ? flight.points.front().frame : flight.points.back().frame;
+  const double edge_s = history.frame(edge).time_s;
+  for (std::int64_t n = edge + step; n >= history.begin_frame() && n < history.end_frame();
+       n += step) {
+    const CandidateFrame& frame = history.frame(n);
+    if (std::abs(frame.time_s - edge_s) > beyond_intervals * history.frame_interval_s()) break;
+    for (const Candidate& candidate : frame.candidates) {
+      const double t = candidate.ray.time_s - seconds(flight.fit.epoch - history.epoch());
+      const Eigen::Vector3d position = flight.fit.at(t).position_m;
+      if (candidate.ray.direction_cam.cross(position).norm() < near_m) return false;
+    }
+  }
+  return true;
+}
 
 bool is_plausible(const CandidateHistory& history, const GrownFlight& flight) {
   const CameraFlight& fit = flight.fit;

@@ -48,6 +48,10 @@ void settle_flight(const CandidateHistory& history, const FlightKnowledge& knowl
 bool merge_flights(const CandidateHistory& history, const FlightKnowledge& knowledge,
                    GrownFlight& flight, const GrownFlight& other);
 
+/// Whether nothing was seen near where a flight came from (at its front) or went to, in the frames
+/// just beyond that end.
+bool is_clear_beyond(const CandidateHistory& history, const GrownFlight& flight, bool front);
+
 /// The seed's tests on a whole flight.
 bool is_plausible(const CandidateHistory& history, const GrownFlight& flight);
 

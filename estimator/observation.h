@@ -39,6 +39,9 @@ struct FrameSightings {
 struct Track {
   CameraId camera = 0;
   std::vector<BallSighting> sightings;
+  /// Nothing was seen near where the ball came from (went to) just before (after): no hand that
+  /// threw it, no bounce, whose first frame could pass for flight.
+  bool begins_clear = false, ends_clear = false;
 };
 
 /// One flight, seen by one camera or more; at most one track a camera.

@@ -50,7 +50,10 @@ double median(std::vector<double> values) {
 }
 
 ThrowPart as_part(const CameraModel& model, const Track& track, const FlightFitSettings& settings) {
-  ThrowPart out{.track = {track.camera, {}}, .rays = {}, .epoch = {}, .settings = settings};
+  ThrowPart out{.track = {track.camera, {}, track.begins_clear, track.ends_clear},
+                .rays = {},
+                .epoch = {},
+                .settings = settings};
   if (!track.sightings.empty()) out.epoch = track.sightings.front().time;
   std::vector<double> intervals_s;
   for (const BallSighting& sighting : track.sightings) {
@@ -91,6 +94,7 @@ void join_pieces(std::vector<ThrowPart>& parts) {
     ThrowPart whole = a;
     whole.track.sightings.insert(whole.track.sightings.end(), b.track.sightings.begin(),
                                  b.track.sightings.end());
+    whole.track.ends_clear = b.track.ends_clear;
     for (TimedRay ray : b.rays) {
       ray.time_s += seconds(b.epoch - a.epoch);
       whole.rays.push_back(ray);

@@ -12,6 +12,7 @@ namespace {
 constexpr int max_cut_frames = 5, rounds = 2;
 constexpr double excess_sigmas = 2.5;
 constexpr std::size_t min_left = 8;
+constexpr double clear_frames = 4.5;  ///< as far from the edge what a camera saw beyond counts
 
 /// Throw's clock, seconds after an arbitrary but common origin.
 double time_of(const ThrowPart& part, std::size_t i, HostTime origin) {
@@ -73,7 +74,9 @@ double excess(const std::vector<ThrowPart>& parts, HostTime origin, double momen
   return freedom > 0 ? (cost - freedom) / std::sqrt(2.0 * freedom) : 0.0;
 }
 
-void cut(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+/// True where anything was cut.
+bool cut(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+  bool has_cut = false;
   for (int round = 0; round < rounds; ++round) {
     const double edge_s = edge_time(parts, origin, front);
     double worst = excess_sigmas, moment_s = 0.0;
@@ -84,12 +87,24 @@ void cut(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool fr
       worst = z;
       moment_s = m;
     }
-    if (worst == excess_sigmas) return;
+    if (worst == excess_sigmas) return has_cut;
+    has_cut = true;
     for (ThrowPart& part : parts) {
       const std::size_t n = count_beyond(part, origin, moment_s, front);
       if (n > 0 && part.rays.size() >= min_left + n) drop(part, n, front);
     }
   }
+  return has_cut;
+}
+
+/// Whether no camera that saw the edge saw anything beyond it.
+bool is_clear(const std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+  const double edge_s = edge_time(parts, origin, front);
+  return std::ranges::all_of(parts, [&](const ThrowPart& part) {
+    const double own_s = time_of(part, front ? 0 : part.rays.size() - 1, origin);
+    return (front ? part.track.begins_clear : part.track.ends_clear) ||
+           std::abs(own_s - edge_s) > clear_frames * frame_s;
+  });
 }
 
 /// The outermost frame cannot be told from its neighbour on the other side of the edge.
@@ -109,8 +124,10 @@ void cut_edges(std::vector<ThrowPart>& parts) {
   const HostTime origin = parts.front().epoch;
   double frame_s = 0.0;
   for (const ThrowPart& part : parts) frame_s = std::max(frame_s, part.frame_interval_s);
-  for (const bool front : {true, false}) cut(parts, origin, frame_s, front);
-  for (const bool front : {true, false}) guard(parts, origin, frame_s, front);
+  for (const bool front : {true, false}) {
+    const bool clear = is_clear(parts, origin, frame_s, front);
+    if (cut(parts, origin, frame_s, front) || !clear) guard(parts, origin, frame_s, front);
+  }
 }
 
 }  // namespace throwcal

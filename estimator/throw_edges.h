@@ -20,7 +20,8 @@ struct ThrowPart {
 
 /// Finds where free flight begins and ends, all cameras of a throw together: one frame of the hand
 /// before release cannot be told by one camera, but all see it at the same moment. Cuts what costs
-/// more than chance allows, then leaves one more frame out at each end as a guard.
+/// more than chance allows, then leaves one more frame out as a guard at each end that was cut or
+/// is not clear.
 void cut_edges(std::vector<ThrowPart>& parts);
 
 }  // namespace throwcal
