@@ -22,10 +22,12 @@ namespace {
 
 constexpr double max_elongation = 4.0;  ///< a streak of a fast ball, not an arm or an edge
 constexpr double min_filled = 0.6;      ///< of the ellipse of its moments
-constexpr double min_explained = 0.7;
+constexpr double min_explained = 0.7, min_streak_explained = 0.85;
 constexpr int max_parted_px2 = 40000;  ///< of a blob's box: an arm, not a person
 constexpr std::size_t max_parts = 3;   ///< of one blob
-constexpr std::size_t max_fits = 32;   ///< bounds the time that a busy picture takes
+/// Bounds the time that a busy picture takes: fits, and their work.
+constexpr std::size_t max_fits = 32;
+constexpr long max_work = 300'000;
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
 constexpr double sigma_model_px = 0.01, sigma_streak = 0.0038;
 
@@ -35,7 +37,8 @@ constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is s
 /// expected.
 constexpr double sigma_cut = 0.15, sigma_doubtful = 0.05, sigma_expected = 0.025;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
-constexpr double like_radii = 1.35;  ///< a ball's size from frame to frame
+constexpr double like_size = 1.35;   ///< a ball's size from frame to frame
+constexpr double min_shrink = 0.85;  ///< what looks smaller is partly hidden
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
 /// Brightness of a picture of any format; `converted` holds it where it has to be computed.
@@ -67,9 +70,15 @@ struct Start {
   const BallOutline* expected = nullptr;  ///< the ball that should be there
 };
 
+/// A long streak fits much that is no ball.
+double least_explained(const BallOutline& ball) {
+  const double radii = ball.streak_px.norm() / ball.radius_px;
+  return min_explained + std::min(1.0, 0.25 * radii) * (min_streak_explained - min_explained);
+}
+
 bool is_like(const BallOutline& ball, const BallOutline& expected) {
-  return ball.radius_px < like_radii * expected.radius_px &&
-         expected.radius_px < like_radii * ball.radius_px;
+  return ball.radius_px < like_size * expected.radius_px &&
+         expected.radius_px < like_size * ball.radius_px;
 }
 
 struct BallDetector::State {
@@ -196,7 +205,7 @@ void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
   for (const InscribedDisc& disc : inscribed_discs.find(marked, settings.min_radius_px)) {
     if (disc.radius_px > settings.max_radius_px) continue;
     const Eigen::Vector2d corner(box.x, box.y);
-    starts.push_back({{corner + disc.centre_px, disc.radius_px, {0, 0}}, disc.free_share - 1});
+    starts.push_back({{corner + disc.centre_px, disc.radius_px, {0, 0}}, disc.free_share - 0.5});
     if (++parts == max_parts) return;
   }
 }
@@ -256,7 +265,9 @@ View BallDetector::State::look(const Frame& frame) {
   outlines.clear();
   const std::vector<BallOutline>& expected = expected_balls.at(found.time);
   find_starts(grey, expected);
-  for (const Start& start : starts) try_start(grey, start);
+  const long enough = ball_fit.work() + max_work;
+  for (const Start& start : starts)
+    if (start.expected || ball_fit.work() < enough) try_start(grey, start);
   // One that was seen flying and is not, now: it may stand before something as bright as itself.
   for (const BallOutline& ball : expected) try_start(grey, {ball, 0.0, &ball});
   expected_balls.add(found.time, outlines);
@@ -270,11 +281,16 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
       sphere_outline(model, ball_diameter_m, start.outline.centre_px, start.outline.radius_px);
   if (!form) return;
   auto ball = ball_fit.fit(grey, background, form->shape, start.outline);
-  if (start.expected && (!ball || is_doubtful(*ball))) {
-    const auto other = ball_fit.fit(grey, background, form->shape, start.outline, start.expected);
-    if (other) ball = other;
+  bool is_partial = ball && is_doubtful(*ball);
+  if (start.expected) {
+    // What hides a part of a ball makes it look smaller and elsewhere, and fits no worse.
+    is_partial |= ball && ball->outline.radius_px < min_shrink * start.expected->radius_px;
+    if (!ball || is_partial)
+      if (const auto other =
+              ball_fit.fit(grey, background, form->shape, *start.expected, start.expected))
+        ball = other;
   }
-  if (!ball || ball->explained < min_explained || is_found(ball->outline)) return;
+  if (!ball || ball->explained < least_explained(ball->outline) || is_found(ball->outline)) return;
   if (start.expected && !is_like(ball->outline, *start.expected)) return;
   const auto outline =
       sphere_outline(model, ball_diameter_m, ball->outline.centre_px, ball->outline.radius_px);
@@ -284,7 +300,7 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   sighting.time = found.time;
   sighting.radius_px = ball->outline.radius_px;
   sighting.center_px = ball->outline.centre_px - outline->offset_px;
-  sighting.is_partial = is_doubtful(*ball);
+  sighting.is_partial = is_partial;
   double sigma_px = std::hypot(sigma_model_px, sigma_streak * ball->outline.streak_px.norm());
   if (sighting.is_partial)
     sigma_px = std::max(

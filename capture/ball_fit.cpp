@@ -10,9 +10,10 @@ namespace {
 
 constexpr int first_steps = 10, further_steps = 5;
 constexpr int looks_beside = 2;
-constexpr double still_px = 0.4;          ///< shorter streaks cannot be told from none
-constexpr double dense_radius_px = 14.0;  ///< of larger balls every second, third ... pixel will do
-constexpr double margin_px = 3.0;         ///< of background around the ball
+constexpr double still_px = 0.4;  ///< shorter streaks cannot be told from none
+constexpr double max_side_samples =
+    32.0;                          ///< of larger balls every second, third ... pixel will do
+constexpr double margin_px = 3.0;  ///< of background around the ball
 constexpr double beside_px = 1.5;
 constexpr double settled_gain = 2e-3;  ///< of the cost: moves the ball by 1/16 of its sigma
 constexpr double robust_sigmas = 3.0;
@@ -45,8 +46,8 @@ BallFit::BallFit() {
 }
 
 void BallFit::collect(const cv::Mat& grey, const Background& background, const BallOutline& start) {
-  const int stride = std::max(1, static_cast<int>(start.radius_px / dense_radius_px) + 1);
   const double reach = 1.2 * start.radius_px + 0.5 * start.streak_px.norm() + margin_px;
+  const int stride = std::max(1, cvCeil(2 * reach / max_side_samples));
   const cv::Rect region =
       cv::Rect(
           cv::Point(cvFloor(start.centre_px.x() - reach), cvFloor(start.centre_px.y() - reach)),
@@ -100,6 +101,7 @@ void BallFit::expect(const BallOutline& ball) {
 }
 
 void BallFit::evaluate(const BallModel& model, const Vector& p) {
+  work_ += std::ssize(pixels_) * BallModel::sub_exposures(p);
   for (Pixel& pixel : pixels_) {
     const double modelled = model.difference(pixel.at, pixel.behind, p, pixel.derivative);
     pixel.residual = (pixel.value - pixel.behind - modelled) / pixel.sigma;
@@ -117,11 +119,18 @@ double BallFit::robust_scale() {
   return robust_sigmas * std::max(1.0, 1.4826 * *middle);
 }
 
+/// Cauchy's cost. The logarithm of a product is the sum of logarithms, at the price of one.
 double BallFit::cost(const Vector& p, double scale) const {
-  double sum = 0.5 * prior_weight_.dot((p - prior_).cwiseAbs2());
-  for (const Pixel& pixel : pixels_)
-    sum -= 0.5 * scale * scale * std::log(cauchy_weight(pixel.residual, scale));
-  return sum;
+  const double per_scale2 = 1 / (scale * scale);
+  double sum = 0, product = 1;
+  for (const Pixel& pixel : pixels_) {
+    product *= 1 + pixel.residual * pixel.residual * per_scale2;
+    if (product < 1e200) continue;
+    sum += std::log(product);
+    product = 1;
+  }
+  return 0.5 * prior_weight_.dot((p - prior_).cwiseAbs2()) +
+         0.5 * scale * scale * (sum + std::log(product));
 }
 
 BallFit::Solution BallFit::normal_equations(const Vector& p, double scale, Vector& gradient) const {

@@ -26,6 +26,10 @@ class BallFit {
  public:
   BallFit();
 
+  /// Pixels times steps of their streaks that were computed so far: the time it took, but the same
+  /// on every machine.
+  long work() const { return work_; }
+
   /// `form`: the outline's, see SphereOutline. `expected`: the ball as it should look by the frames
   /// before, whose size and streak hardly change; of its place nothing is believed. Nothing where
   /// the pixels show no ball.
@@ -69,6 +73,7 @@ class BallFit {
 
   std::vector<Pixel> pixels_;
   std::vector<double> sizes_;
+  long work_ = 0;
   Vector prior_, prior_weight_;  ///< mean and 1 / variance of what is known beforehand
 };
 

@@ -7,7 +7,7 @@
 namespace throwcal {
 namespace {
 
-constexpr int max_sub_exposures = 12;
+constexpr int max_sub_exposures = 8;
 constexpr double limb_px = 0.3;
 constexpr double soft_grey = 6.0;    ///< width of the edge of the ball's own shadow
 constexpr double max_stretch = 1.5;  ///< of an outline's form: an ellipse of axes 2.2 to 1
@@ -24,7 +24,8 @@ struct Shade {
     is_limb = h2 < least;
     normal = {x, y, std::sqrt(is_limb ? least : h2)};
     const Eigen::Vector3d sky = p.segment<3>(BallModel::sky), sun = p.segment<3>(BallModel::sun);
-    const double facing = sun.dot(normal), softened = std::hypot(facing, soft_grey);
+    const double facing = sun.dot(normal),
+                 softened = std::sqrt(facing * facing + soft_grey * soft_grey);
     by_sun = 0.5 * (1 + facing / softened);
     grey = p[BallModel::level] + sky.dot(normal) + 0.5 * (facing + softened);
     by_normal = sky + by_sun * sun;
@@ -37,13 +38,17 @@ struct Shade {
 };
 
 /// A streak is summed in steps of a pixel; of a large ball a quarter of its radius is fine enough.
-int sub_exposures(double streak_px, double radius_px) {
+int steps_of(double streak_px, double radius_px) {
   if (streak_px == 0.0) return 1;
   const double step_px = std::max(1.0, 0.25 * radius_px);
   return std::clamp(static_cast<int>(std::ceil(streak_px / step_px)) + 1, 2, max_sub_exposures);
 }
 
 }  // namespace
+
+int BallModel::sub_exposures(const Vector& p) {
+  return steps_of(p.segment<2>(streak).norm(), p[radius]);
+}
 
 double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const Vector& p,
                              Vector& derivative) const {
@@ -53,7 +58,7 @@ double BallModel::difference(const Eigen::Vector2d& pixel, double behind, const 
   derivative.setZero();
   const Eigen::Vector2d from_middle = on_circle(pixel, p);
   if (from_middle.norm() > r + 0.5 + max_stretch * 0.5 * streak_px) return 0.0;
-  const int n = sub_exposures(streak_px, r);
+  const int n = steps_of(streak_px, r);
   const double share = 1.0 / n;
   const Eigen::Vector2d step = to_circle_ * moved;
   double sum = 0;

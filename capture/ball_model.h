@@ -26,6 +26,9 @@ class BallModel {
   double difference(const Eigen::Vector2d& pixel, double behind, const Vector& p,
                     Vector& derivative) const;
 
+  /// In how many steps the streak is summed: what a pixel costs.
+  static int sub_exposures(const Vector& p);
+
   /// From the centre as seen on the circle, in units of the circle's pixels.
   Eigen::Vector2d on_circle(const Eigen::Vector2d& pixel, const Vector& p) const {
     return to_circle_ * (pixel - p.segment<2>(centre));

@@ -15,7 +15,7 @@ namespace {
 constexpr double tick_s = 0.05;            // how often the stream is searched
 constexpr double slow_interval_s = 0.025;  // slower cameras get longer windows
 constexpr double over_s = 0.12;            // unseen for so long, a flight is over
-constexpr std::int64_t over_frames = 7;
+constexpr std::int64_t over_frames = 5;
 constexpr double max_pause_s = 0.3;  // whatever the number of frames
 constexpr std::size_t remembered_flights = 40, agreeing_flights = 3;
 constexpr double min_sigma_gravity_rad = 0.0035;  // 0.2 degrees: the agreement's own error
