@@ -22,7 +22,7 @@ namespace {
 
 constexpr double max_elongation = 4.0;  ///< a streak of a fast ball, not an arm or an edge
 constexpr double min_filled = 0.6;      ///< of the ellipse of its moments
-constexpr double min_explained = 0.7, min_streak_explained = 0.85;
+constexpr double min_explained = 0.7, min_streak_explained = 0.75;
 constexpr int max_parted_px2 = 40000;  ///< of a blob's box: an arm, not a person
 constexpr std::size_t max_parts = 3;   ///< of one blob
 /// Bounds the time that a busy picture takes: fits, and their work.

@@ -154,7 +154,11 @@ struct FlightFinder::State {
     const auto frames =
         static_cast<double>(flight.points.back().frame - flight.points.front().frame + 1);
     const auto seen = static_cast<double>(flight.points.size());
-    return static_cast<int>(flight.points.size()) >= settings.min_sightings &&
+    // A walker's parts come and go behind each other: what is only partly seen proves nothing.
+    const auto whole = std::ranges::count_if(flight.points, [&](const CandidateRef& ref) {
+      return !history.at(ref).sighting.is_partial;
+    });
+    return whole >= settings.min_sightings &&
            flight.fit.last_s - flight.fit.first_s >= settings.min_flight_s &&
            seen >= min_seen_fraction * frames && is_plausible(history, flight);
   }

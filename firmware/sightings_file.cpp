@@ -26,10 +26,8 @@ constexpr double unstated_sigma_px = 1.0;
 /// nanoseconds.
 constexpr std::chrono::seconds most_time(4'000'000'000);
 
-/// A ball's centre may lie outside the picture; farther out than the picture is wide, it is none.
-NumberRange pixel_range(int side_px) {
-  return between(-side_px, 2.0 * side_px, "a number of pixels");
-}
+/// A lens' undistortion throws what lies near its horizon far out; such a row is clutter, no error.
+const NumberRange pixel_range = between(-1e5, 1e5, "a number of pixels");
 NumberRange radius_range(const CameraModel& model) {
   return between(0.01, model.width_px + model.height_px, "a number of pixels");
 }
@@ -141,8 +139,7 @@ class SightingsParser {
     s.camera = camera_id(cells[*place_[camera]]);
     const CameraDescription& seen_by = rig_.cameras[s.camera];
     s.time = time(cells);
-    s.center_px = {number(u_px, pixel_range(seen_by.model.width_px), cells),
-                   number(v_px, pixel_range(seen_by.model.height_px), cells)};
+    s.center_px = {number(u_px, pixel_range, cells), number(v_px, pixel_range, cells)};
     const double unmeasured = seen_by.sigma_px.value_or(unstated_sigma_px);
     const double sigma_u = optional_number(sigma_u_px, sigma_range, cells).value_or(unmeasured);
     const double sigma_v = optional_number(sigma_v_px, sigma_range, cells).value_or(unmeasured);

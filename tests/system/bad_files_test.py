@@ -55,8 +55,8 @@ def row(camera="cam1", time_s="0.5", u_px="100", v_px="100", radius_px="", throw
 def bad_cells() -> dict[str, tuple[str, tuple[str, ...]]]:
     """One bad cell in line 3."""
     cases = {}
-    for column, expected in (("time_s", "a number of seconds from -4e+09 to 4e+09"), ("u_px", "a number of pixels from -640 to 1280"),
-                             ("v_px", "a number of pixels from -480 to 960"), ("radius_px", "a number of pixels from 0.01 to 1120")):
+    for column, expected in (("time_s", "a number of seconds from -4e+09 to 4e+09"), ("u_px", "a number of pixels from -1e+05 to 1e+05"),
+                             ("v_px", "a number of pixels from -1e+05 to 1e+05"), ("radius_px", "a number of pixels from 0.01 to 1120")):
         for bad in ("nan", "inf", "-inf", "1e300", "-1e300", "0x10", "abc", "1 2", "1.2.3", "1e", "--1", "+-1", "١"):
             cases[f"{column} {bad}"] = (HEADER + row() + row(time_s="0.6" if column != "time_s" else bad, **{column: bad}
                                         if column != "time_s" else {}), (":3: ", f"{column} must be {expected}, got "))
