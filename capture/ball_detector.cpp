@@ -7,11 +7,11 @@
 #include <functional>
 #include <numbers>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <tuple>
 
 #include "capture/background.h"
 #include "capture/ball_fit.h"
+#include "capture/ball_signal.h"
 #include "capture/blobs.h"
 #include "capture/expected_balls.h"
 #include "capture/inscribed_discs.h"
@@ -41,28 +41,6 @@ constexpr double like_size = 1.35;   ///< a ball's size from frame to frame
 constexpr double min_shrink = 0.85;  ///< what looks smaller is partly hidden
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
-/// Brightness of a picture of any format; `converted` holds it where it has to be computed.
-cv::Mat luma(const ImageView& image, cv::Mat& converted) {
-  auto* data = const_cast<std::uint8_t*>(image.data);  // cv::Mat has no view of const
-  const auto view = [&](int type) {
-    return cv::Mat(image.height_px, image.width_px, type, data, image.stride_bytes);
-  };
-  switch (image.format) {
-    case PixelFormat::grey:
-    case PixelFormat::nv12:  // its luma comes first
-      return view(CV_8UC1);
-    case PixelFormat::yuyv:
-      cv::extractChannel(view(CV_8UC2), converted, 0);
-      return converted;
-    case PixelFormat::bgr:
-      cv::cvtColor(view(CV_8UC3), converted, cv::COLOR_BGR2GRAY);
-      return converted;
-  }
-  return {};
-}
-
-}  // namespace
-
 /// Where a fit begins, and why.
 struct Start {
   BallOutline outline;
@@ -81,6 +59,8 @@ bool is_like(const BallOutline& ball, const BallOutline& expected) {
          expected.radius_px < like_size * ball.radius_px;
 }
 
+}  // namespace
+
 struct BallDetector::State {
   CameraModel model;
   double ball_diameter_m;
@@ -90,7 +70,8 @@ struct BallDetector::State {
   InscribedDiscs inscribed_discs;
   ExpectedBalls expected_balls;
   BallFit ball_fit;
-  cv::Mat converted, mask;
+  BallSignal signal;
+  cv::Mat mask;
   std::vector<PixelRun> changed;
   std::vector<Start> starts;
   std::vector<BallOutline> outlines;  ///< of the sightings
@@ -104,6 +85,7 @@ struct BallDetector::State {
         settings(with),
         background(lens.width_px, lens.height_px, with.threshold_sigmas),
         expected_balls(diameter_m),
+        signal(with.ball_colour),
         mask(lens.height_px, lens.width_px, CV_8U) {
     // Memory for a busy picture is taken now: later a frame takes none.
     const std::size_t runs = mask.total() / 16 + 64;
@@ -257,7 +239,7 @@ View BallDetector::State::look(const Frame& frame) {
   const ImageView& image = frame.image;
   if (image.width_px != model.width_px || image.height_px != model.height_px)
     return View::wrong_size;
-  const cv::Mat grey = luma(image, converted);
+  const cv::Mat grey = signal.of(image);
   const auto outcome = background.compare_and_learn(grey, changed);
   if (background.is_dark()) return View::dark;
   if (background.is_saturated()) return View::saturated;

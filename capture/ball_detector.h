@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
+#include "capture/colour.h"
 #include "capture/frame.h"
 #include "estimator/camera_model.h"
 #include "estimator/observation.h"
@@ -13,7 +15,8 @@ namespace throwcal {
 struct BallDetectorSettings {
   double threshold_sigmas = 5.0;  ///< of a pixel's own noise
   double min_radius_px = 1.2, max_radius_px = 60.0;
-  int max_sightings = 16;  ///< a frame; the most ball-like are kept
+  int max_sightings = 16;                            ///< a frame; the most ball-like are kept
+  std::optional<Colour> ball_colour = std::nullopt;  ///< makes use of a colour camera's chroma
 };
 
 /// 1-sigma of the error that all centres found in one camera share: measured on rendered footage of

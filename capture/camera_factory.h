@@ -15,7 +15,8 @@ struct CameraSource {
   CameraId id = 0;
   std::string name, source;
   CameraModel model;
-  bool paced = true;  ///< deliver frames when they are due; false: as fast as they are taken
+  bool colour = false;  ///< deliver colour where there is any; else the luma is enough
+  bool paced = true;    ///< deliver frames when they are due; false: as fast as they are taken
   std::shared_ptr<const SimulatedScene>
       scene;                 ///< of simulated cameras; shared, so that all see one ball
   HostTime scene_start{};    ///< when the scene's time 0 is

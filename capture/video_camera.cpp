@@ -53,8 +53,8 @@ VideoCamera::VideoCamera(const CameraSource& source, std::string path)
 
 Camera::Format VideoCamera::format() const {
   return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
-          static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT)), PixelFormat::grey,
-          video_.get(cv::CAP_PROP_FPS)};
+          static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT)),
+          source_.colour ? PixelFormat::bgr : PixelFormat::grey, video_.get(cv::CAP_PROP_FPS)};
 }
 
 Camera::Outcome VideoCamera::failed(std::string why) {
@@ -78,11 +78,12 @@ Camera::Outcome VideoCamera::next(std::span<std::uint8_t> slot, Frame& frame) {
   if (has_times_ && number_ >= times_.size())
     return failed(times_path_ + ": " + std::to_string(times_.size()) +
                   " times, but the video has more frames; expected a line for each");
-  cv::Mat grey(picture_.rows, picture_.cols, CV_8U, slot.data());
-  if (picture_.channels() == 1)
-    picture_.copyTo(grey);
-  else
-    cv::cvtColor(picture_, grey, cv::COLOR_BGR2GRAY);  // its weights sum to one: grey stays exact
+  const int channels = source_.colour ? 3 : 1;
+  cv::Mat picture(picture_.rows, picture_.cols, CV_8UC(channels), slot.data());
+  if (picture_.channels() == channels)
+    picture_.copyTo(picture);
+  else  // the weights of grey sum to one: grey stays exact
+    cv::cvtColor(picture_, picture, source_.colour ? cv::COLOR_GRAY2BGR : cv::COLOR_BGR2GRAY);
 
   const HostTime time = has_times_
                             ? times_[number_]
@@ -99,8 +100,7 @@ Camera::Outcome VideoCamera::next(std::span<std::uint8_t> slot, Frame& frame) {
       has_times_ ? TimestampSource::start_of_exposure : TimestampSource::unknown;
   frame.row_time = from_seconds(source_.model.row_time_s);
   frame.exposure = frame.time_sigma = {};
-  frame.image = {slot.data(), grey.cols, grey.rows, static_cast<std::size_t>(grey.cols),
-                 PixelFormat::grey};
+  frame.image = {slot.data(), picture.cols, picture.rows, picture.step, has.format};
   return Outcome::frame;
 }
 

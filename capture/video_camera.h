@@ -10,8 +10,9 @@
 
 namespace throwcal {
 
-/// A video file as a camera: every frame, its luma, as fast as it is taken. Times are the middle of
-/// row 0's exposure, from NAME.timestamps.txt beside NAME.mkv, or else the container's own.
+/// A video file as a camera: every frame, its luma or colour, as fast as it is taken. Times are the
+/// middle of row 0's exposure, from NAME.timestamps.txt beside NAME.mkv, or else the container's
+/// own.
 class VideoCamera : public Camera {
  public:
   /// A source whose model has no size gets a nominal lens of the video's. Throws

@@ -44,6 +44,7 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
     source.name = camera.name;
     source.source = config.sources[id];
     source.model = camera.model;
+    source.colour = config.ball_colour.has_value();
     source.scene = scene;
     source.scene_start = start;
     if (source.source.empty())
@@ -69,6 +70,7 @@ RigSettings rig_settings(const Config& config) {
   RigSettings settings;
   settings.ball_diameter_m = config.rig.ball.diameter_m;
   settings.queue_frames = queue_frames;
+  settings.detector.ball_colour = config.ball_colour;
   return settings;
 }
 

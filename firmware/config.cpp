@@ -76,6 +76,10 @@ void read_ball(TomlTable ball, double altitude_m, Config& config) {
   out.estimate_drag = drag == "estimate";
   if (drag != "none" && mass)
     out.drag_per_m = sphere_drag_per_m(out.diameter_m, *mass, coefficient, altitude_m);
+  if (const auto colour = ball.text("color")) {
+    config.ball_colour = parse_colour(*colour);
+    if (!config.ball_colour) ball.reject("color", "red, green and blue like \"#d7eb5a\"");
+  }
   if (out.drag_per_m > max_drag_per_m)
     ball.reject("mass_kg", "that of a ball whose drag is 10 /m at most");
   std::ranges::copy(ball.unread(), std::back_inserter(config.warnings));
@@ -273,6 +277,17 @@ Config parse_config(std::string_view toml, const std::string& name,
 
 Config read_config(const std::filesystem::path& file) {
   return parse_config(read_text_file(file), file.string(), file.parent_path());
+}
+
+std::optional<Colour> parse_colour(std::string_view text) {
+  Colour colour{};
+  if (text.size() != 7 || text[0] != '#') return std::nullopt;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const char* digits = text.data() + 1 + 2 * i;
+    const auto [end, error] = std::from_chars(digits, digits + 2, colour[i], 16);
+    if (error != std::errc{} || end != digits + 2) return std::nullopt;
+  }
+  return colour;
 }
 
 std::optional<ListenAddress> parse_address(std::string_view text, int default_port) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/colour.h"
 #include "capture/simulated_scene.h"
 #include "estimator/rig_description.h"
 #include "firmware/toml_table.h"
@@ -20,6 +21,7 @@ struct ListenAddress {
 /// The rig file: what the estimator must know of the rig, and what the box must know to run it.
 struct Config {
   RigDescription rig;
+  std::optional<Colour> ball_colour;
   std::vector<std::string> sources;  ///< a camera each: "simulated", "video:PATH", or empty: none
   SimulatedSceneSettings simulation;
   ListenAddress listen;
@@ -40,6 +42,9 @@ Config parse_config(std::string_view toml, const std::string& name,
 
 /// A rig file that read_config() reads back as the same configuration.
 std::string to_toml(const Config& config);
+
+/// "#d7eb5a": red, green, blue. Nothing where it is not that.
+std::optional<Colour> parse_colour(std::string_view text);
 
 /// "HOST", "HOST:PORT" or "[V6]:PORT"; nothing where it is none of these.
 std::optional<ListenAddress> parse_address(std::string_view text, int default_port);

@@ -21,6 +21,12 @@ std::string quoted(const std::string& text) {
   return out + '"';
 }
 
+std::string to_text(const Colour& colour) {
+  char text[8];
+  std::snprintf(text, sizeof text, "#%02x%02x%02x", colour[0], colour[1], colour[2]);
+  return text;
+}
+
 void write_camera(std::ostream& out, const CameraDescription& camera, const std::string& source) {
   const CameraModel& m = camera.model;
   out << "\n[[camera]]\nname = " << quoted(camera.name) << "\nwidth_px = " << m.width_px
@@ -64,6 +70,7 @@ std::string to_toml(const Config& config) {
   std::ostringstream out;
   out << "[site]\ngravity_mps2 = " << shortest(rig.gravity_mps2)
       << "\n\n[ball]\ndiameter_m = " << shortest(rig.ball.diameter_m)
+      << (config.ball_colour ? "\ncolor = " + quoted(to_text(*config.ball_colour)) : "")
       << "\ndrag = " << (rig.ball.estimate_drag ? "\"estimate\"" : "\"none\"")
       << "\n\n[target]\nposition_m = " << shortest(rig.target.position_m)
       << "\nrotation_rad = " << shortest(rig.target.rotation_rad)

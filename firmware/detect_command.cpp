@@ -22,7 +22,7 @@ namespace throwcal {
 namespace {
 
 struct DetectOptions {
-  std::string rig, output, overlay;
+  std::string rig, output, overlay, ball_colour;
   std::vector<std::string> videos;
   double ball_diameter_m = BallDescription{}.diameter_m;
 };
@@ -159,6 +159,12 @@ int run(const DetectOptions& options) {
   const std::vector<NamedVideo> videos = named_videos(options.videos);
   Config config =
       options.rig.empty() ? config_of(videos, options.ball_diameter_m) : read_config(options.rig);
+  if (!options.ball_colour.empty()) {
+    config.ball_colour = parse_colour(options.ball_colour);
+    if (!config.ball_colour)
+      throw InputError("--ball-color " + options.ball_colour +
+                       ": expected red, green and blue like #d7eb5a");
+  }
   auto cameras = open_videos(videos, config, "");
   for (const auto& camera : cameras)
     std::ranges::find(config.rig.cameras, camera->name(), &CameraDescription::name)->model =
@@ -208,6 +214,8 @@ void add_detect_command(CLI::App& app, int& status) {
       ->check(CLI::Range(0.001, 5.0))
       ->capture_default_str()
       ->excludes(rig);
+  command->add_option("--ball-color", options->ball_colour,
+                      "Of the ball, as #rrggbb: in colour videos it is told from all else by it");
   command->callback([options, &status] { status = run(*options); });
 }
 

@@ -21,6 +21,7 @@ std::unique_ptr<Camera> open_video(const NamedVideo& video, const Config& config
   source.name = video.camera;
   source.source = "video:" + video.path;
   source.model = found->model;
+  source.colour = config.ball_colour.has_value();
   source.paced = false;
   return make_camera(source);
 }

@@ -54,6 +54,14 @@ std::string north_with(const std::string& line, const std::string& in_place_of) 
   return text.replace(text.find(in_place_of), in_place_of.size(), line);
 }
 
+TEST(Config, ABallMayHaveAColour) {
+  EXPECT_FALSE(parsed(north + east).ball_colour);
+  EXPECT_EQ(parsed("[ball]\ncolor = \"#D7eb5a\"\n" + north + east).ball_colour,
+            (Colour{0xd7, 0xeb, 0x5a}));
+  for (const char* text : {"", "#", "d7eb5a", "#d7eb5g", "#-7eb5a", "#d7eb5a0", "# 7eb5a"})
+    EXPECT_FALSE(parse_colour(text)) << text;
+}
+
 TEST(Config, ReadsEveryKeyOfACamera) {
   const Config config = parsed(north + east);
   ASSERT_EQ(config.rig.cameras.size(), 2u);
@@ -148,6 +156,10 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
        "rig.toml:2: [site] latitude_deg must be a latitude in degrees from -90 to 90, got 91"},
       {"[ball]\ndrag = \"lots\"\n" + cameras,
        "rig.toml:2: [ball] drag must be \"none\", \"from-ball\" or \"estimate\", got \"lots\""},
+      {"[ball]\ncolor = \"yellow\"\n" + cameras,
+       "rig.toml:2: [ball] color must be red, green and blue like \"#d7eb5a\", got \"yellow\""},
+      {"[ball]\ncolor = \"#d7eb5\"\n" + cameras,
+       "rig.toml:2: [ball] color must be red, green and blue like \"#d7eb5a\", got \"#d7eb5\""},
       {"[ball]\ndrag = \"from-ball\"\ndiameter_m = 0.07\n" + cameras,
        "rig.toml:1: [ball] mass_kg is missing; expected it, as drag is \"from-ball\""},
       {"[target]\nposition_m = 0\n" + cameras,
@@ -219,6 +231,7 @@ TEST(Config, WhatIsWrittenIsReadBack) {
       "[site]\ngravity_mps2 = 9.80123\n[target]\nposition_m = 0.01\n[timing]\noffsets = \"none\"\n"
       "[daemon]\nlisten = \"[::1]:1234\"\nunit = \"box \\\"7\\\"\\n\"\n[simulation]\nseed = 9\n" +
       north + east);
+  config.ball_colour = Colour{1, 0xeb, 0x5a};
   const Config back = parse_config(to_toml(config), "back.toml");
   EXPECT_EQ(to_toml(back), to_toml(config));
   EXPECT_EQ(back.rig.gravity_mps2, 9.80123);

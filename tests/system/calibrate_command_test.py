@@ -111,6 +111,7 @@ def videos_become_sightings_and_pictures(build, folder) -> None:
     for arguments, message in [(["cam1.mkv"], "cam1.mkv: no such video file"),
                                ([folder / "cam1.mkv", "--overlay", "seen.jpg"], "--overlay seen.jpg: expected a name ending in .png or .mkv"),
                                ([folder / "cam1.mkv", "--overlay", folder / "no" / "seen.png"], "can't be written"),
+                               ([folder / "cam1.mkv", "--ball-color", "red"], "--ball-color red: expected red, green and blue like #d7eb5a"),
                                ([folder / "cam1.mkv", folder / "cam1.mkv"], '"cam1" has a video already'),
                                (["--rig", folder / "rig.toml", f"cam9={folder / 'cam1.mkv'}"], '"cam9" is not in the rig file'),
                                ([], "videos is required")]:
