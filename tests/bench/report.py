@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""report.py BUILD [PART...]: runs what tests/bench built and prints compact tables; parts are rivals, filter, growth and
-convergence (all of them where none is named). Leaves growth.csv and convergence.csv in BUILD."""
+"""report.py BUILD [PART...]: runs what tests/bench built and prints compact tables; parts are rivals, filter, detector, growth
+and convergence (all of them where none is named). Leaves growth.csv and convergence.csv in BUILD."""
 import json
 import re
 import statistics
@@ -84,6 +84,10 @@ def filter_steps(build):
         print(f"| {' and '.join(words) or 'poses alone'} | " + " | ".join(cells) + " |", flush=True)
 
 
+def detector(build):
+    print(output([f"{build}/detector_speed"]), flush=True)
+
+
 def growth(build):
     points = [("throws", 8, n) for n in (5, 10, 20, 50, 100)] + [("cameras", n, 10) for n in (2, 4, 8, 16, 32, 64)]
     points.append(("both", 64, 50))
@@ -103,7 +107,7 @@ def convergence(build):
         file.write(table)
 
 
-PARTS = {"rivals": rivals, "filter": filter_steps, "growth": growth, "convergence": convergence}
+PARTS = {"rivals": rivals, "filter": filter_steps, "detector": detector, "growth": growth, "convergence": convergence}
 
 if len(sys.argv) < 2 or not set(sys.argv[2:]) <= set(PARTS):
     sys.exit(f"usage: report.py BUILD [{'|'.join(PARTS)}]...")
