@@ -37,6 +37,7 @@ constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is s
 /// expected.
 constexpr double sigma_cut = 0.15, sigma_doubtful = 0.05, sigma_expected = 0.025;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
+constexpr double speck_area_px2 = 28.0;
 constexpr double like_size = 1.35;   ///< a ball's size from frame to frame
 constexpr double min_shrink = 0.85;  ///< what looks smaller is partly hidden
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
@@ -52,6 +53,11 @@ struct Start {
 double least_explained(const BallOutline& ball) {
   const double radii = ball.streak_px.norm() / ball.radius_px;
   return min_explained + std::min(1.0, 0.25 * radii) * (min_streak_explained - min_explained);
+}
+
+/// Specks that flicker are many; of what is larger, the rounder the better.
+double promise_of(double area_px, double roundness) {
+  return std::min(1.0, area_px / speck_area_px2) * roundness;
 }
 
 bool is_like(const BallOutline& ball, const BallOutline& expected) {
@@ -187,7 +193,9 @@ void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
   for (const InscribedDisc& disc : inscribed_discs.find(marked, settings.min_radius_px)) {
     if (disc.radius_px > settings.max_radius_px) continue;
     const Eigen::Vector2d corner(box.x, box.y);
-    starts.push_back({{corner + disc.centre_px, disc.radius_px, {0, 0}}, disc.free_share - 0.5});
+    starts.push_back(
+        {{corner + disc.centre_px, disc.radius_px, {0, 0}},
+         promise_of(std::numbers::pi * disc.radius_px * disc.radius_px, disc.free_share - 0.3)});
     if (++parts == max_parts) return;
   }
 }
@@ -199,10 +207,11 @@ void BallDetector::State::find_starts(const cv::Mat& grey,
   const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
   for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
     if (is_cut(blob)) {
-      if (const auto outline = outline_of_cut(grey, blob)) starts.push_back({*outline, 0.5});
+      if (const auto outline = outline_of_cut(grey, blob))
+        starts.push_back({*outline, promise_of(blob.area_px, 0.5)});
     } else if (const auto outline = outline_of(blob)) {
       const double round = outline->radius_px / (outline->radius_px + outline->streak_px.norm());
-      starts.push_back({*outline, round});
+      starts.push_back({*outline, promise_of(blob.area_px, 0.5 + 0.5 * round)});
     } else {
       add_parts(grey, blob);
     }
