@@ -31,9 +31,7 @@ constexpr int samples_a_side = 24;  ///< of the grid on which the light is measu
 constexpr int min_ratio_grey = 12, dark_grey = 10, saturated_grey = 250;
 constexpr double light_step = 0.007;    ///< a change of light that is followed at once
 constexpr double max_light_step = 2.5;  ///< beyond it is another scene
-constexpr unsigned young_frames = 256;
-constexpr int young_turns = 4;
-constexpr int typical_frames = 64;  ///< how often the camera's noise is measured
+constexpr int typical_frames = 64;      ///< how often the camera's noise is measured
 constexpr int tiles_a_side = 8;
 constexpr double shaken_tiles = 0.7, shaken_share = 0.02;
 constexpr int max_shaken_frames = 15;  ///< then it is another view: learnt anew
@@ -165,7 +163,6 @@ Background::Outcome Background::compare_and_learn(const cv::Mat& grey,
   if (static_cast<double>(count) > new_scene_fraction * static_cast<double>(grey.total()) ||
       shaken_frames_ > max_shaken_frames) {
     learnt_frames_ = shaken_frames_ = 0;
-    looked_frames_ = 0;
     changed.clear();
     return Outcome::learning;
   }
@@ -323,14 +320,11 @@ bool Background::is_everywhere(const std::vector<PixelRun>& changed) {
 
 void Background::learn(const cv::Mat& grey) {
   const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
+  turn_ = (turn_ + 1) % row_turns;
   if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
-  // While it is young it learns faster: what sways is to be known before the first throw.
-  for (int turns = looked_frames_ < young_frames ? young_turns : 1; turns > 0; --turns) {
-    turn_ = (turn_ + 1) % row_turns;
-    for (int y = turn_; y < grey.rows; y += row_turns)
-      learn_row(grey.ptr(y), mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y),
-                low_.ptr(y), high_.ptr(y), grey.cols, bounds);
-  }
+  for (int y = turn_; y < grey.rows; y += row_turns)
+    learn_row(grey.ptr(y), mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y),
+              low_.ptr(y), high_.ptr(y), grey.cols, bounds);
 }
 
 }  // namespace throwcal
