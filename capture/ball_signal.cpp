@@ -59,7 +59,9 @@ cv::Mat BallSignal::of(const ImageView& image) {
   const auto view = [&](int type) {
     return cv::Mat(image.height_px, image.width_px, type, data, image.stride_bytes);
   };
-  const bool is_plain = !has_colour_ || image.format == PixelFormat::grey;
+  const bool has_chroma =
+      image.format != PixelFormat::grey && image.width_px > 1 && image.height_px > 1;
+  const bool is_plain = !has_colour_ || !has_chroma;
   if (is_plain && (image.format == PixelFormat::grey || image.format == PixelFormat::nv12))
     return view(CV_8UC1);  // NV12: its luma comes first
   signal_.create(image.height_px, image.width_px, CV_8UC1);
@@ -80,14 +82,15 @@ cv::Mat BallSignal::of(const ImageView& image) {
     return signal_;
   }
   const bool is_packed = image.format == PixelFormat::yuyv;
-  const int last = (image.width_px + 1) / 2 - 1;
+  // Of an odd row or column at the end the frame need not hold the chroma: that beside it will do.
+  const int last = image.width_px / 2 - 1, last_row = image.height_px / 2 - 1;
   for (int y = 0; y < image.height_px; ++y) {
     const std::uint8_t* luma = data + static_cast<std::size_t>(y) * image.stride_bytes;
-    const std::uint8_t* pairs =
-        is_packed
-            ? luma + 1
-            : data + (static_cast<std::size_t>(image.height_px) + static_cast<std::size_t>(y / 2)) *
-                         image.stride_bytes;
+    const std::uint8_t* pairs = is_packed
+                                    ? luma + 1
+                                    : data + (static_cast<std::size_t>(image.height_px) +
+                                              static_cast<std::size_t>(std::min(y / 2, last_row))) *
+                                                 image.stride_bytes;
     const ChromaRow chroma{pairs, is_packed ? 4 : 2, is_packed ? 2 : 1, last};
     std::uint8_t* out = signal_.ptr(y);
     for (int x = 0; x < image.width_px; ++x) {

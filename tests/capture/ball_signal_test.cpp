@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
 
 namespace throwcal {
 namespace {
@@ -88,6 +90,22 @@ TEST(BallSignal, EveryFormatShowsTheSame) {
   };
   EXPECT_LE(most_apart(view(yuyv, PixelFormat::yuyv)), 6);
   EXPECT_LE(most_apart(view(nv12, PixelFormat::nv12)), 16);  // its rows are averaged, too
+}
+
+// Nothing beyond the frame's own bytes is read, which a sanitizer would tell.
+TEST(BallSignal, PicturesOfOddSizesAndOfOnePixelHaveOne) {
+  BallSignal signal(yellow_green);
+  for (const auto& [w, h] : {std::pair{7, 5}, {1, 1}, {3, 1}, {1, 4}, {2, 2}}) {
+    const auto pixels = static_cast<std::size_t>(w * h);
+    const std::vector<std::uint8_t> packed(2 * pixels, 128), planar(pixels + (pixels + 1) / 2, 128);
+    const auto stride = static_cast<std::size_t>(w);
+    const cv::Mat of_packed =
+        signal.of({packed.data(), w, h, 2 * stride, PixelFormat::yuyv}).clone();
+    const cv::Mat of_planar = signal.of({planar.data(), w, h, stride, PixelFormat::nv12}).clone();
+    ASSERT_EQ(of_packed.size(), cv::Size(w, h));
+    ASSERT_EQ(of_planar.size(), cv::Size(w, h));
+    EXPECT_EQ(cv::countNonZero(of_packed != of_planar), 0) << w << " x " << h;
+  }
 }
 
 }  // namespace
