@@ -1,21 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
 #include "capture/ball_detector.h"
 #include "capture/camera_factory.h"
-
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__GLIBC__)
-#define COUNTS_ALLOCATIONS
-// Every allocation of this program, OpenCV's included, comes by here.
-extern "C" void* __libc_malloc(std::size_t);
-static thread_local long allocations = 0;
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#endif
+#include "tests/support/allocation_count.h"
 
 namespace throwcal {
 namespace {

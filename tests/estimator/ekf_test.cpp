@@ -1,21 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "estimator/ekf.h"
 
-#include <cstdlib>
-
+#include "tests/support/allocation_count.h"
 #include "tests/support/jacobian_check.h"
 #include "tests/support/true_solution.h"
-
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__GLIBC__)
-#define COUNTS_ALLOCATIONS
-// Every allocation of this program, Eigen's included, comes by here.
-extern "C" void* __libc_malloc(std::size_t);
-static long allocations = 0;
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#endif
 
 namespace throwcal {
 namespace {
