@@ -52,7 +52,7 @@ const std::vector<Blob>& BlobFinder::find(std::span<const PixelRun> marked, int 
     for (const auto& [first, last] : above)
       if (first < last && runs_[row].y - runs_[first].y <= bridged_px)
         join_rows(first, last, row, end);
-    std::ranges::rotate(above, above.end() - 1);
+    std::rotate(above.begin(), above.end() - 1, above.end());
     above.front() = {row, end};
   }
   blobs_.clear();

@@ -26,7 +26,7 @@ ExpectedBalls::ExpectedBalls(double ball_diameter_m) : ball_diameter_m_(ball_dia
 }
 
 void ExpectedBalls::add(HostTime time, std::span<const BallOutline> found) {
-  std::ranges::rotate(seen_, seen_.end() - 1);
+  std::rotate(seen_.begin(), seen_.end() - 1, seen_.end());
   Seen& now = seen_.front();
   now.time = time;
   now.balls.clear();
