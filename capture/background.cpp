@@ -17,6 +17,10 @@ constexpr int row_turns = 16;           ///< each frame, every sixteenth row lea
 constexpr int still_shift = 3;          ///< weight 2^-3 a turn: a time constant of 128 frames
 constexpr int moving_shift = 6;         ///< of 1024 frames, so that a thing put down fades in
 constexpr int deviation_shift = 3;      ///< of 128 frames
+/// What moved before the first throw is learnt before it: unrest grows and falls faster at first,
+/// but mean and deviation are not learnt faster from what is there.
+constexpr unsigned young_frames = 180;
+constexpr int young_turns = 4, young_shift = 2;
 constexpr double min_sigma_grey = 0.8;  ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
 /// Unrest doubles each turn that a pixel is found changed, and falls by one step else: a ball
@@ -75,7 +79,7 @@ inline Byte high_bound(Fixed mean, Fixed wide, Fixed unrest) {
 /// which nothing learns; and what is new, by which the unrest grows.
 void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __restrict deviations,
                Byte* __restrict unrests, Byte* __restrict lows, Byte* __restrict highs, int width,
-               const Bounds& bounds) {
+               const Bounds& bounds, int slower) {
   const Fixed gain = bounds.gain, floor = bounds.floor, most = bounds.most_deviation;
   for (int x = 0; x < width; ++x) {
     const Fixed seen = grey[x], mean = means[x], deviation = deviations[x], unrest = unrests[x];
@@ -83,8 +87,9 @@ void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __re
     const auto difference = static_cast<Fixed>(static_cast<Fixed>(seen << 7) - mean);
     const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
     const Fixed wide = threshold(deviation, gain, floor);
-    const Fixed slow = step(difference, moving_shift), fast = step(difference, still_shift);
-    const Fixed wider = step(static_cast<Fixed>(size - deviation), deviation_shift);
+    const Fixed slow = step(difference, moving_shift + slower),
+                fast = step(difference, still_shift + slower);
+    const Fixed wider = step(static_cast<Fixed>(size - deviation), deviation_shift + slower);
     const auto new_mean = static_cast<Fixed>(mean + (size > wide ? slow : fast));
     const auto learnt = static_cast<Fixed>(deviation + (size > wide ? Fixed(0) : wider));
     const Fixed new_deviation = learnt < most ? learnt : most;
@@ -163,6 +168,7 @@ Background::Outcome Background::compare_and_learn(const cv::Mat& grey,
   if (static_cast<double>(count) > new_scene_fraction * static_cast<double>(grey.total()) ||
       shaken_frames_ > max_shaken_frames) {
     learnt_frames_ = shaken_frames_ = 0;
+    looked_frames_ = 0;
     changed.clear();
     return Outcome::learning;
   }
@@ -320,11 +326,13 @@ bool Background::is_everywhere(const std::vector<PixelRun>& changed) {
 
 void Background::learn(const cv::Mat& grey) {
   const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
-  turn_ = (turn_ + 1) % row_turns;
+  const bool is_young = looked_frames_ < young_frames;
+  const int turns = is_young ? young_turns : row_turns, slower = is_young ? young_shift : 0;
+  turn_ = (turn_ + 1) % turns;
   if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
-  for (int y = turn_; y < grey.rows; y += row_turns)
+  for (int y = turn_; y < grey.rows; y += turns)
     learn_row(grey.ptr(y), mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y),
-              low_.ptr(y), high_.ptr(y), grey.cols, bounds);
+              low_.ptr(y), high_.ptr(y), grey.cols, bounds, slower);
 }
 
 }  // namespace throwcal

@@ -29,24 +29,25 @@ constexpr std::size_t max_parts = 3;   ///< of one blob
 constexpr std::size_t max_fits = 32;
 constexpr long max_work = 300'000;
 /// What the model leaves out: felt, the lens' own blur, the rounding of motion to a straight line.
-constexpr double sigma_model_px = 0.01, sigma_streak = 0.0038;
+constexpr double sigma_model_px = 0.009, sigma_streak = 0.0038;
 
 constexpr double min_seen = 0.3;                        ///< of a ball that the picture's edge cuts
 constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is seen whole
-/// What a ball that is not adds to the error, in radii: measured; less where size and streak were
-/// expected.
-constexpr double sigma_cut = 0.15, sigma_doubtful = 0.05, sigma_expected = 0.025;
+/// What a ball that is not adds to the error, in radii: measured; less where it was seen whole before,
+/// so that its size and streak are known.
+constexpr double sigma_cut = 0.15, sigma_doubtful = 0.075, sigma_expected = 0.02;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
 constexpr double speck_area_px2 = 28.0;
 constexpr double like_size = 1.35;   ///< a ball's size from frame to frame
 constexpr double min_shrink = 0.85;  ///< what looks smaller is partly hidden
+constexpr int max_shrunk_frames = 4;  ///< and for longer, is as small
 constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
 
 /// Where a fit begins, and why.
 struct Start {
   BallOutline outline;
   double promise = 0.0;                   ///< the larger, the sooner it is tried
-  const BallOutline* expected = nullptr;  ///< the ball that should be there
+  const KnownBall* expected = nullptr;  ///< the ball that should be there
 };
 
 /// A long streak fits much that is no ball.
@@ -80,7 +81,7 @@ struct BallDetector::State {
   cv::Mat mask;
   std::vector<PixelRun> changed;
   std::vector<Start> starts;
-  std::vector<BallOutline> outlines;  ///< of the sightings
+  std::vector<KnownBall> balls;  ///< of the sightings
   FrameSightings found;
   View view = View::learning;
   std::uint64_t count = 0;
@@ -90,7 +91,7 @@ struct BallDetector::State {
         ball_diameter_m(diameter_m),
         settings(with),
         background(lens.width_px, lens.height_px, with.threshold_sigmas),
-        expected_balls(diameter_m),
+        expected_balls(diameter_m, static_cast<std::size_t>(with.max_sightings)),
         signal(with.ball_colour),
         mask(lens.height_px, lens.width_px, CV_8U) {
     // Memory for a busy picture is taken now: later a frame takes none.
@@ -99,7 +100,7 @@ struct BallDetector::State {
     blob_finder.reserve(runs);
     inscribed_discs.reserve(max_parted_px2);
     starts.reserve(256);
-    outlines.reserve(static_cast<std::size_t>(settings.max_sightings));
+    balls.reserve(static_cast<std::size_t>(settings.max_sightings));
     found.sightings.reserve(static_cast<std::size_t>(settings.max_sightings));
   }
 
@@ -107,7 +108,7 @@ struct BallDetector::State {
   std::optional<BallOutline> outline_of(const Blob& blob) const;
   std::optional<BallOutline> outline_of_cut(const cv::Mat& grey, const Blob& blob);
   void add_parts(const cv::Mat& grey, const Blob& whole);
-  void find_starts(const cv::Mat& grey, const std::vector<BallOutline>& expected);
+  void find_starts(const cv::Mat& grey, const std::vector<KnownBall>& expected);
   View look(const Frame& frame);
   void try_start(const cv::Mat& grey, const Start& start);
   bool is_cut(const BallOutline& outline) const;
@@ -202,7 +203,7 @@ void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
 
 /// Where a ball may be: what is expected first, then what is round, then round ends.
 void BallDetector::State::find_starts(const cv::Mat& grey,
-                                      const std::vector<BallOutline>& expected) {
+                                      const std::vector<KnownBall>& expected) {
   starts.clear();
   const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
   for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
@@ -217,9 +218,9 @@ void BallDetector::State::find_starts(const cv::Mat& grey,
     }
   }
   for (Start& start : starts)
-    for (const BallOutline& ball : expected) {
-      if ((start.outline.centre_px - ball.centre_px).norm() > ball.radius_px + expected_px)
-        continue;
+    for (const KnownBall& ball : expected) {
+      const double off_px = (start.outline.centre_px - ball.outline.centre_px).norm();
+      if (off_px > ball.outline.radius_px + expected_px) continue;
       if (!start.expected) start.promise += 2;
       start.expected = &ball;
     }
@@ -239,8 +240,9 @@ bool BallDetector::State::is_doubtful(const FittedBall& ball) const {
 }
 
 bool BallDetector::State::is_found(const BallOutline& outline) const {
-  return std::ranges::any_of(outlines, [&](const BallOutline& known) {
-    return (known.centre_px - outline.centre_px).norm() < same_radii * known.radius_px;
+  return std::ranges::any_of(balls, [&](const KnownBall& known) {
+    return (known.outline.centre_px - outline.centre_px).norm() <
+           same_radii * known.outline.radius_px;
   });
 }
 
@@ -253,15 +255,15 @@ View BallDetector::State::look(const Frame& frame) {
   if (background.is_dark()) return View::dark;
   if (background.is_saturated()) return View::saturated;
   if (outcome == Background::Outcome::learning) return View::learning;
-  outlines.clear();
-  const std::vector<BallOutline>& expected = expected_balls.at(found.time);
+  balls.clear();
+  const std::vector<KnownBall>& expected = expected_balls.at(found.time);
   find_starts(grey, expected);
   const long enough = ball_fit.work() + max_work;
   for (const Start& start : starts)
     if (start.expected || ball_fit.work() < enough) try_start(grey, start);
   // One that was seen flying and is not, now: it may stand before something as bright as itself.
-  for (const BallOutline& ball : expected) try_start(grey, {ball, 0.0, &ball});
-  expected_balls.add(found.time, outlines);
+  for (const KnownBall& ball : expected) try_start(grey, {ball.outline, 0.0, &ball});
+  expected_balls.add(found.time, balls);
   return background.is_shaken() ? View::shaken : View::clear;
 }
 
@@ -273,16 +275,21 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   if (!form) return;
   auto ball = ball_fit.fit(grey, background, form->shape, start.outline);
   bool is_partial = ball && is_doubtful(*ball);
-  if (start.expected) {
-    // What hides a part of a ball makes it look smaller and elsewhere, and fits no worse.
-    is_partial |= ball && ball->outline.radius_px < min_shrink * start.expected->radius_px;
+  KnownBall known;
+  if (const KnownBall* expected = start.expected) {
+    // What hides a part of a ball makes it look smaller and elsewhere, and fits no worse. Where it
+    // stays smaller, the frames before were wrong.
+    const bool is_small = ball && !is_partial &&
+                          ball->outline.radius_px < min_shrink * expected->outline.radius_px;
+    known.shrunk_frames = is_small ? expected->shrunk_frames + 1 : 0;
+    is_partial |= is_small && known.shrunk_frames <= max_shrunk_frames;
     if (!ball || is_partial)
-      if (const auto other =
-              ball_fit.fit(grey, background, form->shape, *start.expected, start.expected))
+      if (const auto other = ball_fit.fit(grey, background, form->shape, expected->outline,
+                                          &expected->outline))
         ball = other;
   }
   if (!ball || ball->explained < least_explained(ball->outline) || is_found(ball->outline)) return;
-  if (start.expected && !is_like(ball->outline, *start.expected)) return;
+  if (start.expected && !is_like(ball->outline, start.expected->outline)) return;
   const auto outline =
       sphere_outline(model, ball_diameter_m, ball->outline.centre_px, ball->outline.radius_px);
   if (!outline) return;
@@ -293,18 +300,21 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   sighting.center_px = ball->outline.centre_px - outline->offset_px;
   sighting.is_partial = is_partial;
   double sigma_px = std::hypot(sigma_model_px, sigma_streak * ball->outline.streak_px.norm());
-  if (sighting.is_partial)
-    sigma_px = std::max(
-        sigma_px, (start.expected ? sigma_expected : sigma_doubtful) * ball->outline.radius_px);
+  if (is_partial) {
+    known.was_whole = start.expected && start.expected->was_whole;
+    sigma_px = std::max(sigma_px, (known.was_whole ? sigma_expected : sigma_doubtful) *
+                                      ball->outline.radius_px);
+  }
   if (is_cut(ball->outline)) sigma_px = std::max(sigma_px, sigma_cut * ball->outline.radius_px);
   sighting.cov_px2 = ball->cov_centre_px2 + sigma_px * sigma_px * Eigen::Matrix2d::Identity();
   sighting.id = (static_cast<std::uint64_t>(found.camera) << 40) + count++;
   found.sightings.push_back(sighting);
-  outlines.push_back(ball->outline);
-  if (sighting.is_partial && start.expected) {  // the next frame had better believe those before
-    outlines.back().radius_px = start.expected->radius_px;
-    outlines.back().streak_px = start.expected->streak_px;
+  known.outline = ball->outline;
+  if (is_partial && start.expected) {  // the next frame had better believe those before
+    known.outline.radius_px = start.expected->outline.radius_px;
+    known.outline.streak_px = start.expected->outline.streak_px;
   }
+  balls.push_back(known);
 }
 
 BallDetector::BallDetector(CameraModel model, double ball_diameter_m, BallDetectorSettings settings)

@@ -117,6 +117,18 @@ void guard(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool 
   }
 }
 
+/// What is not seen whole at an edge is seen before the hand: it says little, and whether it flies
+/// already, nothing.
+void drop_partial(ThrowPart& part, bool front) {
+  const auto& sightings = part.track.sightings;
+  const auto is_whole = [](const BallSighting& s) { return !s.is_partial; };
+  const auto n = front ? std::ranges::find_if(sightings, is_whole) - sightings.begin()
+                       : std::find_if(sightings.rbegin(), sightings.rend(), is_whole) -
+                             sightings.rbegin();
+  const auto count = static_cast<std::size_t>(n);
+  if (count > 0 && part.rays.size() > min_left + count) drop(part, count, front);
+}
+
 }  // namespace
 
 void cut_edges(std::vector<ThrowPart>& parts) {
@@ -125,6 +137,7 @@ void cut_edges(std::vector<ThrowPart>& parts) {
   double frame_s = 0.0;
   for (const ThrowPart& part : parts) frame_s = std::max(frame_s, part.frame_interval_s);
   for (const bool front : {true, false}) {
+    for (ThrowPart& part : parts) drop_partial(part, front);
     const bool clear = is_clear(parts, origin, frame_s, front);
     if (cut(parts, origin, frame_s, front) || !clear) guard(parts, origin, frame_s, front);
   }

@@ -114,6 +114,25 @@ TEST_F(BackgroundTest, LearnsWhatIsRestless) {
   EXPECT_EQ(cv::countNonZero(changed_(branch)), branch.area());
 }
 
+// Half a second is soon over: a branch is known after three swings, early on, but the mean has not
+// followed it, nor what passed.
+TEST_F(BackgroundTest, LearnsSoonWhatIsRestlessAtFirst) {
+  for (int n = 0; n < 20; ++n) show(100);
+  const cv::Rect branch(40, 10, 12, 12), passed(10, 10, 8, 8);
+  int marked = 0;
+  for (int n = 0; n < 150; ++n) {
+    if (n % 50 == 20)
+      show(100, passed, 200);
+    else
+      show(100, n % 30 < 12 ? branch : cv::Rect(), 125);
+    if (n >= 120 && n % 30 < 12) marked += cv::countNonZero(changed_(branch));
+  }
+  EXPECT_LT(marked, 0.1 * 12 * branch.area());
+  EXPECT_NEAR(background_.grey(46, 16), 100, 3);
+  EXPECT_NEAR(background_.grey(14, 14), 100, 1);
+  EXPECT_LT(background_.unrest_grey(14, 14), 1.0);
+}
+
 TEST_F(BackgroundTest, TellsAShakenDarkOrSaturatedPicture) {
   const auto show_stripes = [&](int shift) {
     for (int y = 0; y < height; ++y)

@@ -269,5 +269,18 @@ TEST(BallDetector, ABallCutByThePicturesEdgeOrByAPoleIsPartialAndLessSure) {
               3 * std::sqrt(hidden[0].cov_px2.trace()));
 }
 
+// A hand beside a ball may make it look larger. That must not make the ball itself look partly
+// hidden for the rest of its flight.
+TEST(BallDetector, ABallThatStaysSmallerThanItWasIsWholeAgainAfterFourFrames) {
+  HandMade film;
+  film.learn();
+  for (int n = 0; n < 12; ++n) {
+    const double radius_px = n < 4 ? 7.0 : 5.6;
+    const auto& found = film.stripes(60, 90).ball(30 + 5 * n, 60, radius_px, 200).show().sightings;
+    ASSERT_EQ(found.size(), 1u) << n;
+    EXPECT_EQ(found[0].is_partial, n >= 4 && n < 8) << n;
+  }
+}
+
 }  // namespace
 }  // namespace throwcal

@@ -16,31 +16,31 @@ BallOutline thrown(int frame) {
 HostTime time_of(int frame) { return HostTime(from_seconds(frame * interval_s)); }
 
 TEST(ExpectedBalls, WhatFlewForThreeFramesIsExpectedInTheFourth) {
-  ExpectedBalls expected(0.0657);
+  ExpectedBalls expected(0.0657, 8);
   for (int frame = 0; frame < 3; ++frame) {
     EXPECT_TRUE(expected.at(time_of(frame)).empty());
-    const BallOutline found[]{thrown(frame), {{400, 50}, 5.0, {0, 0}}};  // something that stands
+    const KnownBall found[]{{thrown(frame)}, {{{400, 50}, 5.0, {0, 0}}}};  // something that stands
     expected.add(time_of(frame), found);
   }
   const auto& balls = expected.at(time_of(3));
   ASSERT_EQ(balls.size(), 2u);
-  EXPECT_NEAR((balls[0].centre_px - thrown(3).centre_px).norm(), 0, 1e-3);
-  EXPECT_EQ(balls[0].radius_px, 5.0);
-  EXPECT_NEAR((balls[1].centre_px - Eigen::Vector2d(400, 50)).norm(), 0, 1e-9);
+  EXPECT_NEAR((balls[0].outline.centre_px - thrown(3).centre_px).norm(), 0, 1e-3);
+  EXPECT_EQ(balls[0].outline.radius_px, 5.0);
+  EXPECT_NEAR((balls[1].outline.centre_px - Eigen::Vector2d(400, 50)).norm(), 0, 1e-9);
 }
 
 TEST(ExpectedBalls, WhatJumpsGrowsOrIsFasterThanAThrowIsNot) {
   const struct {
     const char* what;
-    BallOutline second, third;
+    KnownBall second, third;
   } cases[] = {
-      {"a corner", {{110, 300}, 5, {}}, {{110, 310}, 5, {}}},
-      {"a growing blob", {{110, 300}, 9, {}}, {{120, 300}, 16, {}}},
-      {"70 m/s", {{280, 300}, 5, {}}, {{460, 300}, 5, {}}},
+      {"a corner", {{{110, 300}, 5, {}}}, {{{110, 310}, 5, {}}}},
+      {"a growing blob", {{{110, 300}, 9, {}}}, {{{120, 300}, 16, {}}}},
+      {"70 m/s", {{{280, 300}, 5, {}}}, {{{460, 300}, 5, {}}}},
   };
   for (const auto& [what, second, third] : cases) {
-    ExpectedBalls expected(0.0657);
-    const BallOutline first{{100, 300}, 5, {}};
+    ExpectedBalls expected(0.0657, 8);
+    const KnownBall first{{{100, 300}, 5, {}}};
     expected.add(time_of(0), {&first, 1});
     expected.add(time_of(1), {&second, 1});
     expected.add(time_of(2), {&third, 1});
@@ -49,25 +49,38 @@ TEST(ExpectedBalls, WhatJumpsGrowsOrIsFasterThanAThrowIsNot) {
 }
 
 TEST(ExpectedBalls, WhatIsHiddenIsExpectedForFourFramesMore) {
-  ExpectedBalls expected(0.0657);
+  ExpectedBalls expected(0.0657, 8);
   for (int frame = 0; frame < 3; ++frame) {
-    const BallOutline ball = thrown(frame);
+    const KnownBall ball{thrown(frame)};
     expected.add(time_of(frame), {&ball, 1});
   }
   for (int frame = 3; frame < 9; ++frame) {
     const auto& balls = expected.at(time_of(frame));
     ASSERT_EQ(balls.size(), frame < 8 ? 1u : 0u) << frame;
     if (frame < 8) {
-      EXPECT_NEAR((balls[0].centre_px - thrown(frame).centre_px).norm(), 0, 0.01);
+      EXPECT_NEAR((balls[0].outline.centre_px - thrown(frame).centre_px).norm(), 0, 0.01);
     }
     expected.add(time_of(frame), {});
   }
 }
 
+TEST(ExpectedBalls, ABallIsExpectedOnceHoweverManyWaysLedThere) {
+  ExpectedBalls expected(0.0657, 8);
+  for (int frame = 0; frame < 3; ++frame) {
+    BallOutline beside = thrown(frame);
+    if (frame < 2) beside.centre_px.x() += 1.5;
+    const KnownBall found[]{{thrown(frame)}, {beside}};
+    expected.add(time_of(frame), {found, frame < 2 ? 2u : 1u});
+  }
+  const auto& balls = expected.at(time_of(3));
+  ASSERT_EQ(balls.size(), 1u);
+  EXPECT_NEAR((balls[0].outline.centre_px - thrown(3).centre_px).norm(), 0, 1e-3);
+}
+
 TEST(ExpectedBalls, NothingIsExpectedAcrossMissingFrames) {
-  ExpectedBalls expected(0.0657);
+  ExpectedBalls expected(0.0657, 8);
   for (const int frame : {0, 1, 2}) {
-    const BallOutline ball = thrown(frame);
+    const KnownBall ball{thrown(frame)};
     expected.add(time_of(frame), {&ball, 1});
   }
   EXPECT_TRUE(expected.at(time_of(6)).empty());

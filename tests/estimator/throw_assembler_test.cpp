@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "estimator/flight_finder.h"
 #include "tests/support/clutter.h"
@@ -167,6 +168,33 @@ TEST(ThrowAssembler, FromCandidatesAmidHandBounceAndClutterToThrows) {
   for (const Throw& thrown : scene.throws) EXPECT_EQ(throws_of[thrown.id], 1);
   EXPECT_EQ(throws_of.count("hand") + throws_of.count("clutter"), 0u);
   EXPECT_LE(100 * wrong, used);  // at most 1 %
+}
+
+// What is partly hidden where a flight begins or ends is seen before a hand.
+TEST(ThrowAssembler, SightingsOfHiddenBallsAtAThrowsEdgesAreLeftOut) {
+  Thrown scene = make_thrown({.seed = 7});
+  std::set<std::uint64_t> at_edges, inside;
+  for (Throw& thrown : scene.throws)
+    for (Track& track : thrown.tracks) {
+      const std::size_t n = track.sightings.size();
+      if (n < 20) continue;
+      for (const std::size_t i : {std::size_t{0}, std::size_t{1}, std::size_t{2}, n - 1}) {
+        track.sightings[i].is_partial = true;
+        at_edges.insert(track.sightings[i].id);
+      }
+      track.sightings[n / 2].is_partial = true;
+      inside.insert(track.sightings[n / 2].id);
+    }
+  ASSERT_FALSE(at_edges.empty());
+  const std::vector<Throw> throws = assemble(scene);
+  ASSERT_EQ(throws.size(), scene.throws.size());
+  for (const Throw& thrown : throws)
+    for (const Track& track : thrown.tracks)
+      for (const BallSighting& s : track.sightings) {
+        EXPECT_FALSE(at_edges.contains(s.id));
+        inside.erase(s.id);
+      }
+  EXPECT_TRUE(inside.empty()) << "hidden only for a moment: still of use";
 }
 
 TEST(ThrowAssembler, NoTracksNoThrows) {
