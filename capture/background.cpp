@@ -12,16 +12,16 @@ namespace {
 using Fixed = std::int16_t;
 using Byte = std::uint8_t;
 
-constexpr int first_frames = 20;        ///< learnt from scratch
-constexpr int row_turns = 16;           ///< each frame, every sixteenth row learns
-constexpr int still_shift = 3;          ///< weight 2^-3 a turn: a time constant of 128 frames
-constexpr int moving_shift = 6;         ///< of 1024 frames, so that a thing put down fades in
-constexpr int deviation_shift = 3;      ///< of 128 frames
+constexpr int first_frames = 20;    ///< learnt from scratch
+constexpr int row_turns = 16;       ///< each frame, every sixteenth row learns
+constexpr int still_shift = 3;      ///< weight 2^-3 a turn: a time constant of 128 frames
+constexpr int moving_shift = 6;     ///< of 1024 frames, so that a thing put down fades in
+constexpr int deviation_shift = 3;  ///< of 128 frames
 /// What moved before the first throw is learnt before it: unrest grows and falls faster at first,
 /// but mean and deviation are not learnt faster from what is there.
 constexpr unsigned young_frames = 180;
 constexpr int young_turns = 4, young_shift = 2;
-constexpr double min_sigma_grey = 0.8;  ///< rounding, and the background's own noise
+constexpr double min_sigma_grey = 0.8;         ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
 /// Unrest doubles each turn that a pixel is found changed, and falls by one step else: a ball
 /// that passes adds next to nothing, a branch that sways is covered within some seconds.

@@ -33,20 +33,20 @@ constexpr double sigma_model_px = 0.009, sigma_streak = 0.0038;
 
 constexpr double min_seen = 0.3;                        ///< of a ball that the picture's edge cuts
 constexpr double max_hidden = 0.2, max_foreign = 0.05;  ///< of a ball that is seen whole
-/// What a ball that is not adds to the error, in radii: measured; less where it was seen whole before,
-/// so that its size and streak are known.
+/// What a ball that is not adds to the error, in radii: measured; less where it was seen whole
+/// before, so that its size and streak are known.
 constexpr double sigma_cut = 0.15, sigma_doubtful = 0.075, sigma_expected = 0.02;
 constexpr double expected_px = 2.0;  ///< and a radius: how near is as expected
 constexpr double speck_area_px2 = 28.0;
-constexpr double like_size = 1.35;   ///< a ball's size from frame to frame
-constexpr double min_shrink = 0.85;  ///< what looks smaller is partly hidden
+constexpr double like_size = 1.35;    ///< a ball's size from frame to frame
+constexpr double min_shrink = 0.85;   ///< what looks smaller is partly hidden
 constexpr int max_shrunk_frames = 4;  ///< and for longer, is as small
-constexpr double same_radii = 0.5;   ///< nearer than that two fits found the same ball
+constexpr double same_radii = 0.5;    ///< nearer than that two fits found the same ball
 
 /// Where a fit begins, and why.
 struct Start {
   BallOutline outline;
-  double promise = 0.0;                   ///< the larger, the sooner it is tried
+  double promise = 0.0;                 ///< the larger, the sooner it is tried
   const KnownBall* expected = nullptr;  ///< the ball that should be there
 };
 
@@ -202,8 +202,7 @@ void BallDetector::State::add_parts(const cv::Mat& grey, const Blob& whole) {
 }
 
 /// Where a ball may be: what is expected first, then what is round, then round ends.
-void BallDetector::State::find_starts(const cv::Mat& grey,
-                                      const std::vector<KnownBall>& expected) {
+void BallDetector::State::find_starts(const cv::Mat& grey, const std::vector<KnownBall>& expected) {
   starts.clear();
   const double min_area_px = min_filled * std::numbers::pi * std::pow(settings.min_radius_px, 2);
   for (const Blob& blob : blob_finder.find(changed, std::max(1, static_cast<int>(min_area_px)))) {
@@ -279,13 +278,13 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   if (const KnownBall* expected = start.expected) {
     // What hides a part of a ball makes it look smaller and elsewhere, and fits no worse. Where it
     // stays smaller, the frames before were wrong.
-    const bool is_small = ball && !is_partial &&
-                          ball->outline.radius_px < min_shrink * expected->outline.radius_px;
+    const bool is_small =
+        ball && !is_partial && ball->outline.radius_px < min_shrink * expected->outline.radius_px;
     known.shrunk_frames = is_small ? expected->shrunk_frames + 1 : 0;
     is_partial |= is_small && known.shrunk_frames <= max_shrunk_frames;
     if (!ball || is_partial)
-      if (const auto other = ball_fit.fit(grey, background, form->shape, expected->outline,
-                                          &expected->outline))
+      if (const auto other =
+              ball_fit.fit(grey, background, form->shape, expected->outline, &expected->outline))
         ball = other;
   }
   if (!ball || ball->explained < least_explained(ball->outline) || is_found(ball->outline)) return;
@@ -302,8 +301,8 @@ void BallDetector::State::try_start(const cv::Mat& grey, const Start& start) {
   double sigma_px = std::hypot(sigma_model_px, sigma_streak * ball->outline.streak_px.norm());
   if (is_partial) {
     known.was_whole = start.expected && start.expected->was_whole;
-    sigma_px = std::max(sigma_px, (known.was_whole ? sigma_expected : sigma_doubtful) *
-                                      ball->outline.radius_px);
+    sigma_px = std::max(
+        sigma_px, (known.was_whole ? sigma_expected : sigma_doubtful) * ball->outline.radius_px);
   }
   if (is_cut(ball->outline)) sigma_px = std::max(sigma_px, sigma_cut * ball->outline.radius_px);
   sighting.cov_px2 = ball->cov_centre_px2 + sigma_px * sigma_px * Eigen::Matrix2d::Identity();

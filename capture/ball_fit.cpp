@@ -24,10 +24,10 @@ constexpr double min_radius_px = 0.8;
 /// By how much size and streak may differ from the frame before: share and pixels, 1-sigma.
 constexpr double sigma_size = 0.03, sigma_size_px = 0.05;
 constexpr double limb_px = 0.7;  ///< within the outline by so much, nothing behind shines through
-constexpr double beside_unrest = 0.5;      ///< of the unrest that is left where it was looked up
-constexpr double camera_sigmas = 2.0;      ///< of the typical noise: what is more is no noise
+constexpr double beside_unrest = 0.5;       ///< of the unrest that is left where it was looked up
+constexpr double camera_sigmas = 2.0;       ///< of the typical noise: what is more is no noise
 constexpr double correlated_pixels = 12.0;  ///< of a leaf, or of an edge that moves
-constexpr double restless = 2.0;           ///< times the noise: what is behind moves
+constexpr double restless = 2.0;            ///< times the noise: what is behind moves
 constexpr double poor_misfit = 3.0;
 constexpr int hopeless_steps = 3;
 constexpr double hopeless_explained = 0.6;

@@ -36,7 +36,8 @@ void ExpectedBalls::add(HostTime time, std::span<const KnownBall> found) {
              ball.outline.radius_px + near_px;
     };
     if (ball.hidden_frames < max_hidden_frames && std::ranges::none_of(now.balls, is_it))
-      now.balls.push_back({ball.outline, ball.hidden_frames + 1, ball.shrunk_frames, ball.was_whole});
+      now.balls.push_back(
+          {ball.outline, ball.hidden_frames + 1, ball.shrunk_frames, ball.was_whole});
   }
   expected_.clear();
   ++frames_;

@@ -122,9 +122,9 @@ void guard(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool 
 void drop_partial(ThrowPart& part, bool front) {
   const auto& sightings = part.track.sightings;
   const auto is_whole = [](const BallSighting& s) { return !s.is_partial; };
-  const auto n = front ? std::ranges::find_if(sightings, is_whole) - sightings.begin()
-                       : std::find_if(sightings.rbegin(), sightings.rend(), is_whole) -
-                             sightings.rbegin();
+  const auto n =
+      front ? std::ranges::find_if(sightings, is_whole) - sightings.begin()
+            : std::find_if(sightings.rbegin(), sightings.rend(), is_whole) - sightings.rbegin();
   const auto count = static_cast<std::size_t>(n);
   if (count > 0 && part.rays.size() > min_left + count) drop(part, count, front);
 }
