@@ -21,11 +21,14 @@ constexpr int deviation_shift = 3;  ///< of 128 frames
 /// but mean and deviation are not learnt faster from what is there.
 constexpr unsigned young_frames = 180;
 constexpr int young_turns = 4, young_shift = 2;
+constexpr Fixed young_max_unrest = 60;         ///< a branch's; who walks by is not learnt as fast
 constexpr double min_sigma_grey = 0.8;         ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
-/// Unrest doubles each turn that a pixel is found changed, and falls by one step else: a ball
-/// that passes adds next to nothing, a branch that sways is covered within some seconds.
+/// Unrest doubles each turn that a pixel is found changed, and falls by a step and a part of itself
+/// else: a ball that passes adds next to nothing, a branch that sways is covered within some
+/// seconds.
 constexpr Fixed unrest_start = 4, unrest_decay = 2, max_unrest = 240;
+constexpr int unrest_decay_shift = 5;
 constexpr int unrest_by_deviation =
     4;                              ///< steps a grey level of mean absolute difference: twice it
 constexpr double max_sigmas = 2.5;  ///< of the typical noise, that a pixel's own may be
@@ -80,6 +83,7 @@ inline Byte high_bound(Fixed mean, Fixed wide, Fixed unrest) {
 void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __restrict deviations,
                Byte* __restrict unrests, Byte* __restrict lows, Byte* __restrict highs, int width,
                const Bounds& bounds, int slower) {
+  const Fixed growable = slower ? young_max_unrest : max_unrest;
   const Fixed gain = bounds.gain, floor = bounds.floor, most = bounds.most_deviation;
   for (int x = 0; x < width; ++x) {
     const Fixed seen = grey[x], mean = means[x], deviation = deviations[x], unrest = unrests[x];
@@ -94,11 +98,13 @@ void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __re
     const auto learnt = static_cast<Fixed>(deviation + (size > wide ? Fixed(0) : wider));
     const Fixed new_deviation = learnt < most ? learnt : most;
     const auto grown = static_cast<Fixed>(unrest + unrest_start + unrest);
-    const auto calmer = static_cast<Fixed>(unrest > unrest_decay ? unrest - unrest_decay : 0);
+    const auto decay = static_cast<Fixed>(unrest_decay + (unrest >> unrest_decay_shift));
+    const auto calmer = static_cast<Fixed>(unrest > decay ? unrest - decay : 0);
     const Fixed held = size > wide ? unrest : calmer;
     const Fixed within = seen > high ? grown : held;
     const Fixed changed = seen < low ? grown : within;
-    const Fixed new_unrest = changed < max_unrest ? changed : max_unrest;
+    const Fixed most_unrest = unrest > growable ? unrest : growable;
+    const Fixed new_unrest = changed < most_unrest ? changed : most_unrest;
     const Fixed new_wide = threshold(new_deviation, gain, floor);
     means[x] = new_mean;
     deviations[x] = new_deviation;

@@ -60,9 +60,10 @@ int run(SimulateOptions& options) {
   const std::vector<SightingRow> rows = simulated_sightings(*scene, options.recording);
   write_text_file(folder / "rig.toml", to_toml(config_of(*scene)));
   write_text_file(folder / "sightings.csv", to_sightings_csv(rows, scene->rig()));
-  write_text_file(folder / "truth.json",
-                  truth_document(*scene, options.recording.throws).dump(2) + "\n");
   const double end_s = end_of_recording_s(*scene, options.recording.throws);
+  Json truth = truth_document(*scene, options.recording.throws);
+  if (options.video) truth["frames"] = true_frames(*scene, end_s);
+  write_text_file(folder / "truth.json", truth.dump(2) + "\n");
   if (options.video) record_videos(scene, end_s, folder);
   std::printf(
       "%s: rig.toml, sightings.csv (%zu rows), truth.json%s: %d cameras, %d throws, %.1f s\n",

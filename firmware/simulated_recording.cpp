@@ -25,17 +25,40 @@ class SimulatedWatcher {
         dice_(scene.settings().seed * 1000003 + camera) {}
 
   void watch(double end_s, std::vector<SightingRow>& rows) {
-    const double period_s = 1.0 / scene_.settings().frames_per_s;
-    for (int k = 0;; ++k) {
-      const double row0_s = scene_.frame_phase_s(camera_) + k * period_s;
-      if (row0_s > end_s) return;
-      see_ball(row0_s, rows);
-      if (!settings_.labelled) see_the_rest(row0_s, rows);
+    for (int k = 0; row0_s(k) <= end_s; ++k) {
+      see_ball(row0_s(k), rows);
+      if (!settings_.labelled) see_the_rest(row0_s(k), rows);
     }
+  }
+
+  /// Where the ball is in each frame, without noise.
+  Json true_frames(double end_s) const {
+    Json out = Json::array();
+    for (int k = 0; row0_s(k) < end_s; ++k) {
+      const auto ball = scene_.ball_at(row0_s(k));
+      const auto pixel = ball ? pixel_of_ball(row0_s(k)) : std::nullopt;
+      if (!pixel) continue;
+      const double radius_px =
+          apparent_radius_px(ball->position_world_m, 0.5 * scene_.rig().ball.diameter_m);
+      const std::string flight =
+          std::to_string(ball->throw_number + 1) + (ball->after_bounce ? "b" : "");
+      out.push_back({{"frame", k},
+                     {"time_s", row0_s(k) - scene_.time_offset_s(camera_)},
+                     {"u_px", pixel->x()},
+                     {"v_px", pixel->y()},
+                     {"radius_px", radius_px},
+                     {"is", ball->in_hand ? "hand" : flight},
+                     {"fully_inside", model_.contains(*pixel, radius_px)}});
+    }
+    return out;
   }
 
  private:
   using Place = std::optional<Eigen::Vector3d>;
+
+  double row0_s(int frame) const {
+    return scene_.frame_phase_s(camera_) + frame / scene_.settings().frames_per_s;
+  }
 
   /// Pixel of what moves like `place` at the moment its row is exposed: row0 + row_time *
   /// v(moment), by fixed-point iteration (the picture moves far slower than the shutter rolls).
@@ -52,15 +75,19 @@ class SimulatedWatcher {
     return pixel;
   }
 
+  std::optional<Eigen::Vector2d> pixel_of_ball(double row0_s) const {
+    return pixel_of(row0_s, [&](double time_s) {
+      const auto then = scene_.ball_at(time_s);
+      return then ? Place(then->position_world_m) : Place();
+    });
+  }
+
   void see_ball(double row0_s, std::vector<SightingRow>& rows) {
     const auto ball = scene_.ball_at(row0_s);
     if (!ball) return;
     const bool in_flight = !ball->in_hand && !ball->after_bounce;
     if (settings_.labelled && !in_flight) return;
-    const auto pixel = pixel_of(row0_s, [&](double time_s) {
-      const auto then = scene_.ball_at(time_s);
-      return then ? Place(then->position_world_m) : Place();
-    });
+    const auto pixel = pixel_of_ball(row0_s);
     if (!pixel) return;
     const double radius_m = 0.5 * scene_.rig().ball.diameter_m;
     add(row0_s, *pixel, apparent_radius_px(ball->position_world_m, radius_m), rows);
@@ -145,6 +172,13 @@ Json truth_document(const SimulatedScene& scene, int throws) {
           {"throws", std::move(arcs)},
           {"drag_per_m", scene.settings().drag_per_m},
           {"gravity_mps2", scene.rig().gravity_mps2}};
+}
+
+Json true_frames(const SimulatedScene& scene, double end_s) {
+  Json out = Json::object();
+  for (CameraId id = 0; id < scene.rig().cameras.size(); ++id)
+    out[scene.rig().cameras[id].name] = SimulatedWatcher(scene, id, {}).true_frames(end_s);
+  return out;
 }
 
 }  // namespace throwcal

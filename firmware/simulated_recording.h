@@ -26,4 +26,10 @@ std::vector<SightingRow> simulated_sightings(const SimulatedScene& scene,
 /// What a perfect calibration would say: cameras (T_world_cam, time_offset_s), throws, drag_per_m.
 Json truth_document(const SimulatedScene& scene, int throws);
 
+/// Of footage: for each camera by name the frames that show the ball before a true time: `frame`
+/// (from 0), `time_s` (its own clock's), `u_px`, `v_px` (the projection of the ball's centre when
+/// its row is exposed), `radius_px`, `is` ("hand", "2", or "2b" after its bounce) and
+/// `fully_inside`.
+Json true_frames(const SimulatedScene& scene, double end_s);
+
 }  // namespace throwcal

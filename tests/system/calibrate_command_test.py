@@ -96,6 +96,12 @@ def videos_become_sightings_and_pictures(build, folder) -> None:
     flown = [row for row in rows if row["throw"]]
     assert {row["camera"] for row in flown} == {"cam1", "cam2"} and len(flown) > 80, (len(flown), done.stdout)
     assert all(0 < float(row["sigma_u_px"]) < 1 and row["partial"] in "01" and float(row["radius_px"]) > 1 for row in flown)
+    frames = json.loads((folder / "truth.json").read_text())["frames"]
+    balls = {(name, round(1e4 * f["time_s"])): f for name, listed in frames.items() for f in listed if f["is"] != "hand"}
+    errors = [float(row[f"{axis}_px"]) - ball[f"{axis}_px"] for row in flown for axis in "uv"
+              if (ball := balls.get((row["camera"], round(1e4 * float(row["time_s"])))))]
+    assert len(errors) == 2 * len(flown), "what is in a throw is the ball in flight"
+    assert (sum(e * e for e in errors) / len(errors)) ** 0.5 < 0.1, errors
     picture = (folder / "seen.png").read_bytes()
     assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") == 640, picture[:30]
     done = run(build, "calibrate", "--rig", folder / "rig.toml", "--sightings", sightings, "--output", calibration)
