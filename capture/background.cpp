@@ -21,7 +21,10 @@ constexpr int deviation_shift = 3;  ///< of 128 frames
 /// but mean and deviation are not learnt faster from what is there.
 constexpr unsigned young_frames = 180;
 constexpr int young_turns = 4, young_shift = 2;
-constexpr Fixed young_max_unrest = 60;         ///< a branch's; who walks by is not learnt as fast
+constexpr Fixed young_max_unrest = 60;  ///< a branch's; who walks by is not learnt as fast
+/// What differs and stays the same for 128 frames is background: a thing put down, the place where
+/// somebody stood while it was learnt.
+constexpr Fixed settled_turns = 8, young_settled_turns = 32, settled_unrest = 60;
 constexpr double min_sigma_grey = 0.8;         ///< rounding, and the background's own noise
 constexpr double sigma_by_deviation = 1.2533;  ///< of a normal distribution: sqrt(pi / 2)
 /// Unrest doubles each turn that a pixel is found changed, and falls by a step and a part of itself
@@ -78,39 +81,65 @@ inline Byte high_bound(Fixed mean, Fixed wide, Fixed unrest) {
   return static_cast<Byte>(higher > 255 ? Fixed(255) : higher);
 }
 
-/// Three cases: noise, of which mean and deviation learn; what the pixel's unrest explains, of
-/// which nothing learns; and what is new, by which the unrest grows.
-void learn_row(const Byte* __restrict grey, Fixed* __restrict means, Fixed* __restrict deviations,
-               Byte* __restrict unrests, Byte* __restrict lows, Byte* __restrict highs, int width,
-               const Bounds& bounds, int slower) {
-  const Fixed growable = slower ? young_max_unrest : max_unrest;
+/// One row of what is learnt of the background.
+struct Row {
+  Fixed* __restrict mean, * __restrict deviation;
+  Byte* __restrict unrest, * __restrict low, * __restrict high;
+  Byte* __restrict candidate, * __restrict turns;
+};
+
+/// How fast: see the constants.
+struct Pace {
+  int slower;
+  Fixed max_unrest, settled_turns;
+};
+
+/// Four cases: noise, of which mean and deviation learn; what the pixel's unrest explains, of which
+/// nothing learns; what is new, by which the unrest grows; and what is no longer new, for it has
+/// stayed: it becomes the background.
+void learn_row(const Byte* grey, const Row row, int width, const Bounds& bounds, const Pace& pace) {
   const Fixed gain = bounds.gain, floor = bounds.floor, most = bounds.most_deviation;
+  const Fixed growable = pace.max_unrest, enough_turns = pace.settled_turns;
+  const int slow_shift = moving_shift + pace.slower, fast_shift = still_shift + pace.slower,
+            wider_shift = deviation_shift + pace.slower;
+#pragma omp simd
   for (int x = 0; x < width; ++x) {
-    const Fixed seen = grey[x], mean = means[x], deviation = deviations[x], unrest = unrests[x];
-    const Fixed low = lows[x], high = highs[x];
-    const auto difference = static_cast<Fixed>(static_cast<Fixed>(seen << 7) - mean);
+    const Fixed seen = grey[x], mean = row.mean[x], deviation = row.deviation[x];
+    const Fixed unrest = row.unrest[x], low = row.low[x], high = row.high[x];
+    const auto level = static_cast<Fixed>(seen << 7);
+    const auto difference = static_cast<Fixed>(level - mean);
     const auto size = static_cast<Fixed>(difference < 0 ? -difference : difference);
     const Fixed wide = threshold(deviation, gain, floor);
-    const Fixed slow = step(difference, moving_shift + slower),
-                fast = step(difference, still_shift + slower);
-    const Fixed wider = step(static_cast<Fixed>(size - deviation), deviation_shift + slower);
-    const auto new_mean = static_cast<Fixed>(mean + (size > wide ? slow : fast));
-    const auto learnt = static_cast<Fixed>(deviation + (size > wide ? Fixed(0) : wider));
+    const bool is_off = size > wide;
+    const Fixed candidate = row.candidate[x], turns = row.turns[x];
+    const auto drift = static_cast<Fixed>(static_cast<Fixed>(seen - candidate) << 7);
+    const auto drifted = static_cast<Fixed>(drift < 0 ? -drift : drift);
+    const Fixed stayed = drifted > wide ? Fixed(0) : static_cast<Fixed>(turns + 1);
+    const Fixed new_turns = is_off ? stayed : Fixed(0);
+    const bool is_settled = new_turns >= enough_turns;
+    const auto moved = static_cast<Fixed>(
+        mean + (is_off ? step(difference, slow_shift) : step(difference, fast_shift)));
+    const Fixed new_mean = is_settled ? level : moved;
+    const Fixed wider = step(static_cast<Fixed>(size - deviation), wider_shift);
+    const auto learnt = static_cast<Fixed>(deviation + (is_off ? Fixed(0) : wider));
     const Fixed new_deviation = learnt < most ? learnt : most;
     const auto grown = static_cast<Fixed>(unrest + unrest_start + unrest);
     const auto decay = static_cast<Fixed>(unrest_decay + (unrest >> unrest_decay_shift));
     const auto calmer = static_cast<Fixed>(unrest > decay ? unrest - decay : 0);
-    const Fixed held = size > wide ? unrest : calmer;
+    const Fixed held = is_off ? unrest : calmer;
     const Fixed within = seen > high ? grown : held;
     const Fixed changed = seen < low ? grown : within;
-    const Fixed most_unrest = unrest > growable ? unrest : growable;
+    const Fixed growth = unrest > growable ? unrest : growable;
+    const Fixed most_unrest = is_settled ? settled_unrest : growth;
     const Fixed new_unrest = changed < most_unrest ? changed : most_unrest;
     const Fixed new_wide = threshold(new_deviation, gain, floor);
-    means[x] = new_mean;
-    deviations[x] = new_deviation;
-    unrests[x] = static_cast<Byte>(new_unrest);
-    lows[x] = low_bound(new_mean, new_wide, new_unrest);
-    highs[x] = high_bound(new_mean, new_wide, new_unrest);
+    row.mean[x] = new_mean;
+    row.deviation[x] = new_deviation;
+    row.unrest[x] = static_cast<Byte>(new_unrest);
+    row.low[x] = low_bound(new_mean, new_wide, new_unrest);
+    row.high[x] = high_bound(new_mean, new_wide, new_unrest);
+    row.candidate[x] = static_cast<Byte>(stayed ? candidate : seen);
+    row.turns[x] = static_cast<Byte>(is_settled ? Fixed(0) : new_turns);
   }
 }
 
@@ -141,6 +170,8 @@ Background::Background(int width_px, int height_px, double threshold_sigmas)
       mean_(height_px, width_px, CV_16S, cv::Scalar(0)),
       deviation_(height_px, width_px, CV_16S, cv::Scalar(0)),
       unrest_(height_px, width_px, CV_8U, cv::Scalar(0)),
+      candidate_(height_px, width_px, CV_8U, cv::Scalar(0)),
+      candidate_turns_(height_px, width_px, CV_8U, cv::Scalar(0)),
       low_(height_px, width_px, CV_8U, cv::Scalar(0)),
       high_(height_px, width_px, CV_8U, cv::Scalar(255)),
       tiles_(tiles_a_side * tiles_a_side) {
@@ -333,12 +364,16 @@ bool Background::is_everywhere(const std::vector<PixelRun>& changed) {
 void Background::learn(const cv::Mat& grey) {
   const Bounds bounds = bounds_of(threshold_sigmas_, typical_sigma_grey_);
   const bool is_young = looked_frames_ < young_frames;
-  const int turns = is_young ? young_turns : row_turns, slower = is_young ? young_shift : 0;
+  const int turns = is_young ? young_turns : row_turns;
+  const Pace pace = is_young ? Pace{young_shift, young_max_unrest, young_settled_turns}
+                             : Pace{0, max_unrest, settled_turns};
   turn_ = (turn_ + 1) % turns;
   if (++looked_frames_ % typical_frames == 0) find_typical_sigma();
   for (int y = turn_; y < grey.rows; y += turns)
-    learn_row(grey.ptr(y), mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y),
-              low_.ptr(y), high_.ptr(y), grey.cols, bounds, slower);
+    learn_row(grey.ptr(y),
+              {mean_.ptr<Fixed>(y), deviation_.ptr<Fixed>(y), unrest_.ptr(y), low_.ptr(y),
+               high_.ptr(y), candidate_.ptr(y), candidate_turns_.ptr(y)},
+              grey.cols, bounds, pace);
 }
 
 }  // namespace throwcal

@@ -54,10 +54,11 @@ class Background {
   void learn(const cv::Mat& grey);
 
   double threshold_sigmas_, typical_sigma_grey_ = 1.0;
-  cv::Mat mean_;        ///< CV_16S, grey * unit
-  cv::Mat deviation_;   ///< CV_16S, mean absolute difference from the mean * unit
-  cv::Mat unrest_;      ///< CV_8U, half grey levels by which a restless pixel's bounds are wider
-  cv::Mat low_, high_;  ///< CV_8U: the bounds within which nothing has changed
+  cv::Mat mean_;       ///< CV_16S, grey * unit
+  cv::Mat deviation_;  ///< CV_16S, mean absolute difference from the mean * unit
+  cv::Mat unrest_;     ///< CV_8U, half grey levels by which a restless pixel's bounds are wider
+  cv::Mat candidate_, candidate_turns_;  ///< CV_8U: what differs and stays, and for how long
+  cv::Mat low_, high_;                   ///< CV_8U: the bounds within which nothing has changed
   std::vector<float> samples_;
   std::vector<int> tiles_;
   int learnt_frames_ = 0, shaken_frames_ = 0;

@@ -133,6 +133,19 @@ TEST_F(BackgroundTest, LearnsSoonWhatIsRestlessAtFirst) {
   EXPECT_LT(background_.unrest_grey(14, 14), 1.0);
 }
 
+// Who stood there while the background was learnt must not leave a blind spot behind.
+TEST_F(BackgroundTest, LearnsWithinSecondsWhatSomebodyStoodBefore) {
+  const cv::Rect person(20, 5, 20, 30);
+  for (int n = 0; n < 60; ++n) show(130, n < 30 ? person : cv::Rect(), 40);
+  for (int n = 0; n < 140; ++n) show(130);
+  EXPECT_NEAR(background_.grey(30, 20), 130, 3);
+  for (int n = 0; n < 200; ++n) show(130);
+  EXPECT_LT(background_.unrest_grey(30, 20), 1.0);
+  const cv::Rect ball(28, 18, 6, 6);
+  show(130, ball, 100);
+  EXPECT_GE(cv::countNonZero(changed_(ball)), ball.area() - 1);
+}
+
 TEST_F(BackgroundTest, TellsAShakenDarkOrSaturatedPicture) {
   const auto show_stripes = [&](int shift) {
     for (int y = 0; y < height; ++y)
