@@ -19,7 +19,7 @@ class Camera {
     PixelFormat format = PixelFormat::grey;
     double frames_per_s = 0.0;
   };
-  enum class Outcome { frame, end, failed, interrupted };
+  enum class Outcome { frame, damaged, lost, end, failed, interrupted };
 
   virtual const std::string& name() const = 0;
   virtual Format format() const = 0;      ///< fixed from construction on; sizes the ring's slots
@@ -28,8 +28,9 @@ class Camera {
   virtual bool waits_for_reader() const { return false; }
   virtual void start() = 0;
   /// Waits for the next frame and writes its pixels into `slot` (format()'s size, tightly packed),
-  /// its facts into `frame`; `frame.image` views the slot. `end`: the source has no more. `failed`:
-  /// error() says what and where.
+  /// its facts into `frame`; `frame.image` views the slot. `damaged`: one came that cannot be used
+  /// (its sequence is told). `lost`: there is none, but there may be again; error() says why.
+  /// `end`: the source has no more. `failed`: nor will it have, error() says what and where.
   virtual Outcome next(std::span<std::uint8_t> slot, Frame& frame) = 0;
   virtual void
   interrupt() = 0;  ///< thread-safe: makes a waiting next() return `interrupted`, at once

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "estimator/observation.h"
 #include "estimator/time.h"
@@ -14,6 +15,21 @@ enum class PixelFormat { grey, yuyv, nv12, bgr };
 /// What moment the driver's stamp names; the clock map turns each into the middle of row 0's
 /// exposure.
 enum class TimestampSource { start_of_exposure, end_of_frame, dequeue, unknown };
+
+/// As a person is told it: "start of exposure".
+constexpr std::string_view description(TimestampSource source) {
+  switch (source) {
+    case TimestampSource::start_of_exposure:
+      return "start of exposure";
+    case TimestampSource::end_of_frame:
+      return "end of frame";
+    case TimestampSource::dequeue:
+      return "when it was dequeued";
+    case TimestampSource::unknown:
+      break;
+  }
+  return "unknown";
+}
 
 /// Pixels owned by someone else.
 struct ImageView {

@@ -104,31 +104,58 @@ class Station {
   void grab() {
     camera_->start();
     Frame frame;
-    for (std::uint64_t expected = 0;; expected = frame.sequence + 1) {
+    std::optional<std::uint64_t> last;
+    for (;;) {
       if (camera_->waits_for_reader() && !ring_.wait_for_room()) return;
       const Camera::Outcome outcome = camera_->next(ring_.lease(), frame);
-      if (outcome == Camera::Outcome::failed) fail(camera_->error());
-      if (outcome != Camera::Outcome::frame) return;
-      if (expected && frame.sequence > expected) {
-        const std::lock_guard lock(mutex_);
-        stats_.frames_lost_by_driver += frame.sequence - expected;
+      switch (outcome) {
+        case Camera::Outcome::frame:
+        case Camera::Outcome::damaged:
+          account(outcome, last ? frame.sequence - *last - 1 : 0);
+          last = frame.sequence;
+          if (outcome == Camera::Outcome::frame) ring_.publish(frame);
+          break;
+        case Camera::Outcome::lost:
+          lose(camera_->error());
+          break;
+        case Camera::Outcome::failed:
+          fail(camera_->error());
+          return;
+        case Camera::Outcome::end:
+        case Camera::Outcome::interrupted:
+          return;
       }
-      ring_.publish(frame);
     }
+  }
+
+  void account(Camera::Outcome outcome, std::uint64_t gap) {
+    if (outcome == Camera::Outcome::frame && gap == 0 && !is_lost_) return;
+    const std::lock_guard lock(mutex_);
+    stats_.frames_lost_by_driver += gap;
+    stats_.frames_damaged += outcome == Camera::Outcome::damaged;
+    if (std::exchange(is_lost_, false)) stats_.error.clear();
+  }
+
+  void lose(const std::string& why) {
+    const std::lock_guard lock(mutex_);
+    stats_.interruptions += !std::exchange(is_lost_, true);
+    stats_.error = why;
   }
 
   void detect() {
     while (const auto lease = ring_.take()) {
       FrameSightings found = detector_.detect(lease->frame());
-      count(found.sightings.size(), detector_.view());
+      count(lease->frame(), found.sightings.size());
       queue_.push(std::move(found), camera_->waits_for_reader());
     }
   }
 
-  void count(std::size_t sightings, View view) {
+  void count(const Frame& frame, std::size_t sightings) {
     const std::lock_guard lock(mutex_);
-    stats_.view = view;
-    ++stats_.frames_by_view[static_cast<std::size_t>(view)];
+    stats_.timestamp_source = frame.timestamp_source;
+    stats_.time_sigma_s = seconds(frame.time_sigma);
+    stats_.view = detector_.view();
+    ++stats_.frames_by_view[static_cast<std::size_t>(stats_.view)];
     ++stats_.frames;
     stats_.sightings += sightings;
     ++rate_frames_;
@@ -146,6 +173,7 @@ class Station {
   std::thread grabber_, detecting_;
   mutable std::mutex mutex_;
   CameraStats stats_;
+  bool is_lost_ = false;  ///< the grabbing thread's
   Clock::time_point rate_since_;
   int rate_frames_ = 0;
 };

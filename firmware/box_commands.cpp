@@ -55,6 +55,7 @@ std::string status_text(const Json& status) {
                   camera.at("name").get<std::string>().c_str(),
                   camera.at("frames_per_s").get<double>(), camera.at("frames").get<long long>(),
                   camera.at("frames_lost_by_driver").get<long long>() +
+                      camera.at("frames_damaged").get<long long>() +
                       camera.at("frames_dropped").get<long long>(),
                   camera.at("flights").get<int>());
     out += line;

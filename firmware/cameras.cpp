@@ -42,14 +42,16 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
     CameraSource source;
     source.id = id;
     source.name = camera.name;
-    source.source = config.sources[id];
+    source.source = config.inputs[id].source;
+    source.v4l2 = config.inputs[id].v4l2;
     source.model = camera.model;
     source.colour = config.ball_colour.has_value();
     source.scene = scene;
     source.scene_start = start;
     if (source.source.empty())
       throw InputError("camera \"" + camera.name +
-                       "\" has no source; expected source = \"simulated\" or \"video:PATH\"");
+                       "\" has no source; expected source = \"simulated\", \"video:PATH\" or "
+                       "\"v4l2:DEVICE\"");
     if (source.source == "simulated") check_simulated(config, id, *scene);
     cameras.push_back(make_camera(source));
   }

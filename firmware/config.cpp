@@ -156,11 +156,27 @@ bool is_name(std::string_view text) {
 /// "video:clip.mkv" is beside the rig file, wherever that is read from.
 std::string read_source(TomlTable& camera, const std::filesystem::path& folder) {
   const std::string source = camera.text("source").value_or("");
-  constexpr std::string_view video = "video:";
+  constexpr std::string_view video = "video:", file = "file:", v4l2 = "v4l2:";
+  if (source == "sim:") return "simulated";
   if (source.empty() || source == "simulated") return source;
-  if (!source.starts_with(video) || source.size() == video.size())
-    camera.reject("source", "\"simulated\" or \"video:PATH\"");
-  return std::string(video) + (folder / source.substr(video.size())).string();
+  for (const std::string_view kind : {video, file})
+    if (source.starts_with(kind) && source.size() > kind.size())
+      return std::string(video) + (folder / source.substr(kind.size())).string();
+  if (!source.starts_with(v4l2) || source.size() == v4l2.size())
+    camera.reject("source", "\"simulated\", \"video:PATH\" or \"v4l2:DEVICE\"");
+  return source;
+}
+
+CameraInput read_input(TomlTable& camera, const std::filesystem::path& folder) {
+  CameraInput out{read_source(camera, folder), {}};
+  if (!out.source.starts_with("v4l2:")) return out;
+  V4l2Wishes& v4l2 = out.v4l2;
+  v4l2.frames_per_s = camera.number("frames_per_s", between(1, 10000)).value_or(0.0);
+  v4l2.fourcc = camera.text("pixel_format").value_or("");
+  if (v4l2.fourcc.size() > 4) camera.reject("pixel_format", "a code of four letters like \"YUYV\"");
+  v4l2.input = camera.text("input").value_or("");
+  v4l2.standard = camera.choice("standard", {"PAL", "NTSC", "SECAM"}).value_or("");
+  return out;
 }
 
 void read_camera(const toml::table& table, const std::string& name,
@@ -179,7 +195,7 @@ void read_camera(const toml::table& table, const std::string& name,
   out.sigma_px = camera.number("sigma_px", sigma_px);
   out.sigma_common_px = camera.number("sigma_common_px", sigma_px).value_or(0.0);
   out.estimate = read_estimate(camera, out.model.lens);
-  config.sources.push_back(read_source(camera, folder));
+  config.inputs.push_back(read_input(camera, folder));
   config.rig.cameras.push_back(std::move(out));
   std::ranges::copy(camera.unread(), std::back_inserter(config.warnings));
 }
@@ -269,7 +285,7 @@ Config parse_config(std::string_view toml, const std::string& name,
   read_target(top.table("target"), config);
   read_timing(top.table("timing"), config);
   read_cameras(document, name, folder, config);
-  config.simulation.cameras = static_cast<int>(std::min<std::size_t>(config.sources.size(), 8));
+  config.simulation.cameras = static_cast<int>(std::min<std::size_t>(config.inputs.size(), 8));
   read_simulation(top.table("simulation"), config.simulation);
   read_daemon(top.table("daemon"), folder, config);
   return config;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/camera_factory.h"
 #include "capture/colour.h"
 #include "capture/simulated_scene.h"
 #include "estimator/rig_description.h"
@@ -18,11 +19,17 @@ struct ListenAddress {
   int port = 7710;  ///< 0: any free one
 };
 
+/// How a camera's pictures come.
+struct CameraInput {
+  std::string source;  ///< "simulated", "video:PATH", "v4l2:DEVICE", or empty: not said
+  V4l2Wishes v4l2;
+};
+
 /// The rig file: what the estimator must know of the rig, and what the box must know to run it.
 struct Config {
   RigDescription rig;
   std::optional<Colour> ball_colour;
-  std::vector<std::string> sources;  ///< a camera each: "simulated", "video:PATH", or empty: none
+  std::vector<CameraInput> inputs;  ///< a camera each
   SimulatedSceneSettings simulation;
   ListenAddress listen;
   std::optional<std::filesystem::path> state_dir;

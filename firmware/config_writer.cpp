@@ -27,7 +27,7 @@ std::string to_text(const Colour& colour) {
   return text;
 }
 
-void write_camera(std::ostream& out, const CameraDescription& camera, const std::string& source) {
+void write_camera(std::ostream& out, const CameraDescription& camera, const CameraInput& input) {
   const CameraModel& m = camera.model;
   out << "\n[[camera]]\nname = " << quoted(camera.name) << "\nwidth_px = " << m.width_px
       << "\nheight_px = " << m.height_px
@@ -48,7 +48,12 @@ void write_camera(std::ostream& out, const CameraDescription& camera, const std:
   for (std::size_t i = 0; i < camera.estimate.size(); ++i)
     out << (i ? ", " : "\nestimate = [") << quoted(name_of(camera.estimate[i], m.lens));
   if (!camera.estimate.empty()) out << "]";
-  if (!source.empty()) out << "\nsource = " << quoted(source);
+  if (!input.source.empty()) out << "\nsource = " << quoted(input.source);
+  const V4l2Wishes& v4l2 = input.v4l2;
+  if (v4l2.frames_per_s > 0) out << "\nframes_per_s = " << shortest(v4l2.frames_per_s);
+  if (!v4l2.fourcc.empty()) out << "\npixel_format = " << quoted(v4l2.fourcc);
+  if (!v4l2.input.empty()) out << "\ninput = " << quoted(v4l2.input);
+  if (!v4l2.standard.empty()) out << "\nstandard = " << quoted(v4l2.standard);
   out << "\n";
 }
 
@@ -85,7 +90,7 @@ std::string to_toml(const Config& config) {
   if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
   write_simulation(out, config.simulation);
   for (std::size_t i = 0; i < rig.cameras.size(); ++i)
-    write_camera(out, rig.cameras[i], config.sources[i]);
+    write_camera(out, rig.cameras[i], config.inputs[i]);
   return out.str();
 }
 

@@ -41,7 +41,8 @@ std::string host_name() {
 Json essence(Json status) {
   status.erase("uptime_s");
   for (Json& camera : status["cameras"])
-    for (const char* counter : {"frames", "frames_per_s", "sightings"}) camera.erase(counter);
+    for (const char* counter : {"frames", "frames_per_s", "sightings", "time_sigma_s"})
+      camera.erase(counter);
   return status;
 }
 
@@ -167,12 +168,16 @@ void Daemon::tick() {
 
 void Daemon::tell_camera_faults(const Status& now) {
   for (const CameraStats& camera : now.cameras) {
-    if (!camera.error.empty())
-      once_.warning("camera " + camera.name + camera.error,
-                    "camera \"" + camera.name + "\": " + camera.error);
+    if (camera.error.empty() && camera.running)
+      once_.forget("camera " + camera.name);
+    else if (!camera.error.empty())
+      once_.warning("camera " + camera.name, "camera \"" + camera.name + "\": " + camera.error);
     if (camera.frames_dropped > 0)
       once_.warning("drops " + camera.name,
                     "camera \"" + camera.name + "\": frames dropped, the detector is too slow");
+    if (camera.frames_damaged > 0)
+      once_.warning("damaged " + camera.name,
+                    "camera \"" + camera.name + "\": frames damaged; a loose cable?");
     if (camera.frames_lost_by_driver > 0)
       once_.warning("gaps " + camera.name,
                     "camera \"" + camera.name + "\": frames lost before they reached the box");
@@ -228,7 +233,7 @@ Json Daemon::camera_list() const {
   for (std::size_t i = 0; i < stats.size(); ++i) {
     const CameraModel& model = config_.rig.cameras[i].model;
     out.push_back({{"name", config_.rig.cameras[i].name},
-                   {"source", config_.sources[i]},
+                   {"source", config_.inputs[i].source},
                    {"width_px", model.width_px},
                    {"height_px", model.height_px},
                    {"lens", model.lens == Lens::kb4 ? "kb4" : "radtan"},

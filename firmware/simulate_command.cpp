@@ -24,7 +24,7 @@ struct SimulateOptions {
 Config config_of(const SimulatedScene& scene) {
   Config config;
   config.rig = scene.rig();
-  config.sources.assign(config.rig.cameras.size(), "simulated");
+  config.inputs.assign(config.rig.cameras.size(), {"simulated", {}});
   config.simulation = scene.settings();
   config.listen.host = "127.0.0.1";
   return config;

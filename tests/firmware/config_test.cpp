@@ -83,7 +83,8 @@ TEST(Config, ReadsEveryKeyOfACamera) {
   EXPECT_EQ(camera.sigma_common_px, 0.02);
   EXPECT_FALSE(config.rig.cameras[0].sigma_px);
   EXPECT_EQ(config.rig.cameras[0].sigma_common_px, 0.0);
-  EXPECT_EQ(config.sources, (std::vector<std::string>{"", "video:site/clip.mkv"}));
+  EXPECT_EQ(config.inputs[0].source, "");
+  EXPECT_EQ(config.inputs[1].source, "video:site/clip.mkv");
   EXPECT_TRUE(config.warnings.empty());
 }
 
@@ -147,7 +148,8 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
        "a "
        "radtan lens, got 1 values"},
       {north_with("cy_px = 359.5\nsource = \"usb\"", "cy_px = 359.5"),
-       "rig.toml:10: camera \"north\": source must be \"simulated\" or \"video:PATH\", got "
+       "rig.toml:10: camera \"north\": source must be \"simulated\", \"video:PATH\" or "
+       "\"v4l2:DEVICE\", got "
        "\"usb\""},
       {north, "rig.toml: expected 2 to 64 [[camera]] tables, got 1"},
       {"camera = 3\n", "rig.toml:1: camera must be a list of tables, written [[camera]]"},

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "capture/camera.h"
+#include "capture/camera_factory.h"
+#include "capture/event_flag.h"
+#include "capture/frame_clock.h"
+#include "capture/raw_picture.h"
+#include "capture/sequence_counter.h"
+#include "capture/v4l2_stream.h"
+
+namespace throwcal {
+
+/// A camera behind the kernel's V4L2, by the path of its device. Where it is unplugged, or does not
+/// start, it is tried again four times a second until it is back; `lost` says so meanwhile.
+class V4l2Camera : public Camera {
+ public:
+  /// Opens the device once, to know what it gives. Throws std::runtime_error: the camera, the
+  /// device, what was asked and what there is.
+  V4l2Camera(const CameraSource& source, std::string path);
+
+  const std::string& name() const override { return source_.name; }
+  Format format() const override { return format_; }
+  CameraModel model() const override { return source_.model; }
+  void start() override;
+  Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
+  void interrupt() override { interrupted_.set(); }
+  std::string error() const override { return error_; }
+
+ private:
+  V4l2Request request() const;
+  bool open();
+  Outcome lost(std::string why);
+  Outcome take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot, Frame& frame);
+  Outcome give(const V4l2Stream::Buffer& buffer, bool is_second, std::span<std::uint8_t> slot,
+               Frame& frame);
+  FrameClock clock() const;
+
+  CameraSource source_;
+  std::string path_, error_;
+  Format format_;
+  EventFlag interrupted_;
+  std::unique_ptr<V4l2Stream> stream_;
+  std::optional<RawPicture> picture_;
+  std::optional<V4l2Stream::Buffer> half_;  ///< of which the second field is still to be given
+  SequenceCounter sequence_;
+  std::uint32_t drivers_sequence_ = 0;
+  std::uint64_t number_ = 0;  ///< of the frame last dequeued
+  FrameClock clock_;
+  FrameClock::Moment moment_;
+};
+
+}  // namespace throwcal

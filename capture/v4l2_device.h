@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+namespace throwcal {
+
+/// What the kernel says to a command, with the device and the command: "/dev/video0: VIDIOC_S_FMT:
+/// Device or resource busy".
+class DeviceError : public std::runtime_error {
+ public:
+  DeviceError(const std::string& what, int code) : std::runtime_error(what), code_(code) {}
+  int code() const { return code_; }  ///< errno
+  /// The device went away: unplugged, or its driver unbound.
+  bool is_gone() const;
+
+ private:
+  int code_;
+};
+
+/// An open V4L2 device. Moves, never copies.
+class V4l2Device {
+ public:
+  explicit V4l2Device(const std::string& path);  ///< non-blocking; throws DeviceError
+  V4l2Device(V4l2Device&& other) noexcept;
+  V4l2Device& operator=(V4l2Device&&) = delete;
+  ~V4l2Device();
+
+  const std::string& path() const { return path_; }
+  int fd() const { return fd_; }
+
+  /// ioctl(); `name` is the request's, for the message. Throws DeviceError.
+  template <typename Argument>
+  void command(unsigned long request, Argument& argument, const char* name) const {
+    if (!attempt(request, &argument)) fail(name);
+  }
+  /// False where the driver refuses: it does not know the command, or not with this argument.
+  template <typename Argument>
+  bool try_command(unsigned long request, Argument& argument) const {
+    return attempt(request, &argument);
+  }
+  [[noreturn]] void fail(const char* what) const;  ///< with errno
+
+ private:
+  bool attempt(unsigned long request, void* argument) const;
+
+  std::string path_;
+  int fd_;
+};
+
+}  // namespace throwcal

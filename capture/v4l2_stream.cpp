@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "capture/v4l2_stream.h"
+
+#include <linux/videodev2.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+
+namespace throwcal {
+namespace {
+
+constexpr std::uint32_t wanted_buffers = 8, fewest_buffers = 2;
+
+/// What the pixels of a picture cost us, the cheapest first.
+constexpr std::array grey_first{V4L2_PIX_FMT_GREY,   V4L2_PIX_FMT_NV12,   V4L2_PIX_FMT_YUYV,
+                                V4L2_PIX_FMT_UYVY,   V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGBRG8,
+                                V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_MJPEG,
+                                V4L2_PIX_FMT_JPEG};
+constexpr std::array colour_first{V4L2_PIX_FMT_NV12,   V4L2_PIX_FMT_YUYV,   V4L2_PIX_FMT_UYVY,
+                                  V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGBRG8, V4L2_PIX_FMT_SGRBG8,
+                                  V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_MJPEG,  V4L2_PIX_FMT_JPEG,
+                                  V4L2_PIX_FMT_GREY};
+
+bool is_multi_planar(std::uint32_t type) { return type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE; }
+
+std::string text_of(const std::uint8_t* characters, std::size_t most) {
+  const auto* text = reinterpret_cast<const char*>(characters);
+  return {text, strnlen(text, most)};
+}
+
+std::string size_text(std::uint32_t width, std::uint32_t height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
+
+std::vector<std::uint32_t> offered_formats(const V4l2Device& device, std::uint32_t type) {
+  std::vector<std::uint32_t> out;
+  v4l2_fmtdesc entry{};
+  for (entry.type = type; device.try_command(VIDIOC_ENUM_FMT, entry); ++entry.index)
+    out.push_back(entry.pixelformat);
+  return out;
+}
+
+/// A driver without the list, or with a continuous one, is asked by setting it.
+std::string offered_sizes(const V4l2Device& device, std::uint32_t fourcc) {
+  std::string out;
+  v4l2_frmsizeenum entry{};
+  entry.pixel_format = fourcc;
+  for (; device.try_command(VIDIOC_ENUM_FRAMESIZES, entry); ++entry.index) {
+    if (!out.empty()) out += ", ";
+    if (entry.type == V4L2_FRMSIZE_TYPE_DISCRETE)
+      out += size_text(entry.discrete.width, entry.discrete.height);
+    else
+      return size_text(entry.stepwise.min_width, entry.stepwise.min_height) + " to " +
+             size_text(entry.stepwise.max_width, entry.stepwise.max_height);
+  }
+  return out;
+}
+
+std::uint32_t fourcc_of(std::string_view text) {
+  std::array<char, 4> c{' ', ' ', ' ', ' '};
+  std::copy_n(text.begin(), std::min<std::size_t>(4, text.size()), c.begin());
+  return v4l2_fourcc(c[0], c[1], c[2], c[3]);
+}
+
+/// The line order of a buffer; nothing where it is one that is not split here.
+std::optional<Fields> fields_of(std::uint32_t field) {
+  switch (field) {
+    case V4L2_FIELD_NONE:
+    case V4L2_FIELD_ANY:
+      return Fields::progressive;
+    case V4L2_FIELD_INTERLACED:
+    case V4L2_FIELD_INTERLACED_TB:
+    case V4L2_FIELD_INTERLACED_BT:
+      return Fields::interlaced;
+    case V4L2_FIELD_ALTERNATE:
+      return Fields::alternate;
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Pictures of 525 lines begin with the bottom field, those of 625 with the top one.
+bool is_top_first(std::uint32_t field, v4l2_std_id standard) {
+  if (field == V4L2_FIELD_INTERLACED_TB || field == V4L2_FIELD_INTERLACED_BT)
+    return field == V4L2_FIELD_INTERLACED_TB;
+  return !(standard & V4L2_STD_525_60);
+}
+
+/// What a whole picture has at least: drivers pad, and a compressed one has any size.
+std::size_t least_bytes(const V4l2Format& format) {
+  const std::size_t rows = static_cast<std::size_t>(format.height_px);
+  if (format.fourcc == V4L2_PIX_FMT_MJPEG || format.fourcc == V4L2_PIX_FMT_JPEG) return 1;
+  return format.stride_bytes * (format.fourcc == V4L2_PIX_FMT_NV12 ? rows + rows / 2 : rows);
+}
+
+}  // namespace
+
+std::string fourcc_text(std::uint32_t fourcc) {
+  std::string out;
+  for (int i = 0; i < 4; ++i) out += static_cast<char>((fourcc >> (8 * i)) & 0x7f);
+  while (!out.empty() && out.back() == ' ') out.pop_back();
+  return out;
+}
+
+V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : device_(path) {
+  v4l2_capability has{};
+  if (!device_.try_command(VIDIOC_QUERYCAP, has)) {
+    if (errno == ENOTTY) throw DeviceError(path + ": is no V4L2 device", ENOTTY);
+    device_.fail("VIDIOC_QUERYCAP");
+  }
+  const std::uint32_t can =
+      has.capabilities & V4L2_CAP_DEVICE_CAPS ? has.device_caps : has.capabilities;
+  if (can & V4L2_CAP_VIDEO_CAPTURE)
+    type_ = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  else if (can & V4L2_CAP_VIDEO_CAPTURE_MPLANE)
+    type_ = V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+  if (!type_ || !(can & V4L2_CAP_STREAMING))
+    throw std::runtime_error(path + ": is no camera that streams");
+  format_.card = text_of(has.card, sizeof has.card);
+  format_.driver = text_of(has.driver, sizeof has.driver);
+  format_.bus = text_of(has.bus_info, sizeof has.bus_info);
+  choose_input(request);
+  negotiate(request);
+  set_rate(request);
+  try {
+    map_buffers();
+  } catch (...) {
+    unmap();
+    throw;
+  }
+}
+
+void V4l2Stream::start() { device_.command(VIDIOC_STREAMON, type_, "VIDIOC_STREAMON"); }
+
+V4l2Stream::~V4l2Stream() {
+  device_.try_command(VIDIOC_STREAMOFF, type_);  // of a device that is gone it fails: no matter
+  unmap();
+}
+
+void V4l2Stream::choose_input(const V4l2Request& request) {
+  if (!request.input.empty()) {
+    std::string known;
+    v4l2_input entry{};
+    int found = -1;
+    for (; device_.try_command(VIDIOC_ENUMINPUT, entry); ++entry.index) {
+      const std::string name = text_of(entry.name, sizeof entry.name);
+      known += (known.empty() ? "" : ", ") + std::to_string(entry.index) + " \"" + name + "\"";
+      if (request.input == name || request.input == std::to_string(entry.index))
+        found = static_cast<int>(entry.index);
+    }
+    if (found < 0)
+      throw std::runtime_error(device_.path() + ": has no input \"" + request.input +
+                               "\"; expected one of " + known);
+    device_.command(VIDIOC_S_INPUT, found, "VIDIOC_S_INPUT");
+  }
+  if (!request.standard.empty()) {
+    v4l2_std_id standard = request.standard == "PAL"    ? V4L2_STD_PAL
+                           : request.standard == "NTSC" ? V4L2_STD_NTSC
+                                                        : V4L2_STD_SECAM;
+    device_.command(VIDIOC_S_STD, standard, "VIDIOC_S_STD");
+  }
+}
+
+void V4l2Stream::negotiate(const V4l2Request& request) {
+  const std::vector<std::uint32_t> offered = offered_formats(device_, type_);
+  std::string names;
+  for (const std::uint32_t f : offered) names += (names.empty() ? "" : ", ") + fourcc_text(f);
+  const auto& preferred = request.colour ? colour_first : grey_first;
+  const auto is_offered = [&](std::uint32_t f) { return std::ranges::count(offered, f) > 0; };
+  const auto best = std::ranges::find_if(preferred, [&](std::uint32_t f) {
+    return is_offered(f) && (request.fourcc.empty() || f == fourcc_of(request.fourcc));
+  });
+  if (best == preferred.end())
+    throw std::runtime_error(device_.path() + ": gives " + names + "; expected " +
+                             (request.fourcc.empty()
+                                  ? "GREY, NV12, YUYV, UYVY, Bayer of 8 bits, MJPG or JPEG"
+                                  : request.fourcc));
+  v4l2_format format{};
+  format.type = type_;
+  device_.command(VIDIOC_G_FMT, format, "VIDIOC_G_FMT");
+  const auto width = static_cast<std::uint32_t>(request.width_px);
+  const auto height = static_cast<std::uint32_t>(request.height_px);
+  v4l2_std_id standard = 0;
+  device_.try_command(VIDIOC_G_STD, standard);
+  if (is_multi_planar(type_)) {
+    auto& pix = format.fmt.pix_mp;
+    pix.width = width, pix.height = height, pix.pixelformat = *best, pix.field = V4L2_FIELD_ANY;
+    pix.num_planes = 1;
+    pix.plane_fmt[0] = {};
+  } else {
+    auto& pix = format.fmt.pix;
+    pix.width = width, pix.height = height, pix.pixelformat = *best, pix.field = V4L2_FIELD_ANY;
+    pix.bytesperline = pix.sizeimage = 0;
+  }
+  device_.command(VIDIOC_S_FMT, format, "VIDIOC_S_FMT");
+  std::uint32_t field = 0;
+  if (is_multi_planar(type_)) {
+    const auto& pix = format.fmt.pix_mp;
+    format_.fourcc = pix.pixelformat, field = pix.field;
+    format_.width_px = static_cast<int>(pix.width),
+    format_.height_px = static_cast<int>(pix.height);
+    format_.stride_bytes = pix.plane_fmt[0].bytesperline;
+  } else {
+    const auto& pix = format.fmt.pix;
+    format_.fourcc = pix.pixelformat, field = pix.field;
+    format_.width_px = static_cast<int>(pix.width),
+    format_.height_px = static_cast<int>(pix.height);
+    format_.stride_bytes = pix.bytesperline;
+  }
+  const auto fields = fields_of(field);
+  const int lines = (fields == Fields::alternate ? 2 : 1) * format_.height_px;
+  if (format_.width_px != request.width_px || lines != request.height_px)
+    throw std::runtime_error(device_.path() + ": gives pictures of " +
+                             size_text(format.fmt.pix.width, static_cast<std::uint32_t>(lines)) +
+                             "; the rig says " + size_text(width, height) + "; in " +
+                             fourcc_text(*best) + " there are " + offered_sizes(device_, *best));
+  if (format_.fourcc != *best || !fields)
+    throw std::runtime_error(device_.path() + ": asked for " + fourcc_text(*best) + ", it gives " +
+                             fourcc_text(format_.fourcc) + ", field order " +
+                             std::to_string(field) + ", which is not understood here");
+  format_.fields = *fields;
+  format_.is_top_first = is_top_first(field, standard);
+  format_.least_bytes = least_bytes(format_);
+}
+
+void V4l2Stream::set_rate(const V4l2Request& request) {
+  v4l2_streamparm parameters{};
+  parameters.type = type_;
+  if (!device_.try_command(VIDIOC_G_PARM, parameters)) return;
+  v4l2_fract& interval = parameters.parm.capture.timeperframe;
+  if (request.frames_per_s > 0 && parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) {
+    interval = {1000, static_cast<std::uint32_t>(1000 * request.frames_per_s + 0.5)};
+    device_.command(VIDIOC_S_PARM, parameters, "VIDIOC_S_PARM");
+  }
+  if (interval.numerator > 0)
+    format_.frames_per_s = static_cast<double>(interval.denominator) / interval.numerator;
+}
+
+void V4l2Stream::map_buffers() {
+  v4l2_requestbuffers wanted{};
+  wanted.count = wanted_buffers, wanted.type = type_, wanted.memory = V4L2_MEMORY_MMAP;
+  device_.command(VIDIOC_REQBUFS, wanted, "VIDIOC_REQBUFS");
+  if (wanted.count < fewest_buffers)
+    throw std::runtime_error(device_.path() + ": has memory for " + std::to_string(wanted.count) +
+                             " buffers; expected " + std::to_string(wanted_buffers));
+  for (std::uint32_t i = 0; i < wanted.count; ++i) {
+    v4l2_plane plane{};
+    v4l2_buffer buffer{};
+    buffer.type = type_, buffer.memory = V4L2_MEMORY_MMAP, buffer.index = i;
+    if (is_multi_planar(type_)) buffer.m.planes = &plane, buffer.length = 1;
+    device_.command(VIDIOC_QUERYBUF, buffer, "VIDIOC_QUERYBUF");
+    const std::size_t length = is_multi_planar(type_) ? plane.length : buffer.length;
+    const std::uint32_t offset = is_multi_planar(type_) ? plane.m.mem_offset : buffer.m.offset;
+    void* address = mmap(nullptr, length, PROT_READ, MAP_SHARED, device_.fd(), offset);
+    if (address == MAP_FAILED) device_.fail("mmap");
+    mappings_.push_back({address, length});
+    requeue({.index = i, .bytes = {}});
+  }
+}
+
+void V4l2Stream::unmap() {
+  for (const Mapping& mapping : mappings_) munmap(mapping.address, mapping.length);
+  mappings_.clear();
+}
+
+std::optional<V4l2Stream::Buffer> V4l2Stream::dequeue() {
+  v4l2_plane plane{};
+  v4l2_buffer buffer{};
+  buffer.type = type_, buffer.memory = V4L2_MEMORY_MMAP;
+  if (is_multi_planar(type_)) buffer.m.planes = &plane, buffer.length = 1;
+  if (!device_.try_command(VIDIOC_DQBUF, buffer)) {
+    if (errno == EAGAIN) return std::nullopt;
+    device_.fail("VIDIOC_DQBUF");
+  }
+  const std::size_t used = is_multi_planar(type_) ? plane.bytesused : buffer.bytesused;
+  const Mapping& mapping = mappings_.at(buffer.index);
+  Buffer out;
+  out.index = buffer.index, out.sequence = buffer.sequence, out.flags = buffer.flags;
+  out.is_bottom = buffer.field == V4L2_FIELD_BOTTOM;
+  out.bytes = {static_cast<const std::uint8_t*>(mapping.address), std::min(used, mapping.length)};
+  out.is_damaged = (buffer.flags & V4L2_BUF_FLAG_ERROR) || used < format_.least_bytes;
+  out.stamp = HostTime(std::chrono::seconds(buffer.timestamp.tv_sec) +
+                       std::chrono::microseconds(buffer.timestamp.tv_usec));
+  return out;
+}
+
+void V4l2Stream::requeue(const Buffer& given) {
+  v4l2_plane plane{};
+  v4l2_buffer buffer{};
+  buffer.type = type_, buffer.memory = V4L2_MEMORY_MMAP, buffer.index = given.index;
+  if (is_multi_planar(type_)) buffer.m.planes = &plane, buffer.length = 1;
+  device_.command(VIDIOC_QBUF, buffer, "VIDIOC_QBUF");
+}
+
+}  // namespace throwcal
