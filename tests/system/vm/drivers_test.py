@@ -9,6 +9,7 @@ import tempfile
 
 import vm
 
+KERNELS = {12: "6.1", 13: "6.12"}  # by Debian's version
 WIDTH, HEIGHT, FPS, FRAMES = 160, 120, 20, 100
 BUFFERS = 8  # of a loopback device
 OFFSETS_NS = (0, 1_234_000, 12_345_000, -7_000_000)  # of each device's stamps
@@ -32,6 +33,7 @@ wait
 def check(kernel: int, footage: dict[str, pathlib.Path], player: pathlib.Path) -> None:
     result = vm.run_in_guest(kernel, {"loopback_player": player, "read_frames.py": vm.HERE / "read_frames.py", **footage}, SCRIPT)
     assert result.rc == 0, f"kernel {kernel}: exit status {result.rc}\n{result.output}"
+    assert f"begins on Linux {KERNELS[kernel]}." in result.output, result.output
     cameras = [name for name in result.files if name.startswith("info.") and re.search("Driver name *: vivid", result.text(name))]
     assert len(cameras) == 4, cameras
     assert result.text("vivid").count("cap dqbuf") == 30, result.text("vivid")
@@ -59,7 +61,7 @@ def main() -> None:
         footage = {f"footage{i}": pathlib.Path(folder) / f"footage{i}" for i in range(4)}
         for i, path in enumerate(footage.values()):
             path.write_bytes(b"".join(bytes([brightness(i, frame)]) * (WIDTH * HEIGHT) for frame in range(FRAMES)))
-        for kernel in (12, 13):
+        for kernel in KERNELS:
             check(kernel, footage, build / "tests" / "loopback_player")
 
 
