@@ -9,7 +9,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto oldest = 2s;          ///< that a true stamp may be when it is read
+/// Between a stamp and its dequeueing. Some drivers' stamps lie ahead by a frame: that is the same
+/// for all frames, and a clock offset takes it up.
+constexpr auto farthest = 2s;
 constexpr double forget = 1.0 / 64;  ///< frames over which jitter and interval are averaged
 constexpr auto least_sigma = 1us;    ///< a kernel's stamp of an interrupt is no better
 /// Of a stamp whose jitter has not been measured yet.
@@ -27,8 +29,7 @@ void FrameClock::restart() {
 }
 
 FrameClock::Moment FrameClock::of(const DriverStamp& given) {
-  const bool is_true =
-      given.stamp && *given.stamp <= given.dequeued && *given.stamp >= given.dequeued - oldest;
+  const bool is_true = given.stamp && std::chrono::abs(*given.stamp - given.dequeued) <= farthest;
   const TimestampSource source = is_true ? given.source : TimestampSource::dequeue;
   HostTime time = is_true ? *given.stamp : given.dequeued;
   measure(time, given.sequence);

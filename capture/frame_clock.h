@@ -20,7 +20,7 @@ struct DriverStamp {
 };
 
 /// From a driver's stamps to the middle of the exposure of row 0, with its 1-sigma. Stamps are kept
-/// to the nanosecond; what cannot be true (in the future, or seconds old) gives way to the time of
+/// to the nanosecond; what is seconds off is on another clock and gives way to the time of
 /// dequeueing, and says so. A dequeued frame is late by what the kernel and the scheduler took,
 /// never early: such times follow the earliest that a regular camera's frames can have been.
 class FrameClock {

@@ -10,6 +10,7 @@
 
 #include "capture/ball_detector.h"
 #include "capture/camera.h"
+#include "capture/grabber.h"
 #include "estimator/observation.h"
 
 namespace throwcal {
@@ -21,22 +22,16 @@ struct RigSettings {
   BallDetectorSettings detector{};
 };
 
-/// Counters of one camera since start; every loss is in one of them.
-struct CameraStats {
+/// Counters of one camera since start; `running` of its detector, too.
+struct CameraStats : GrabberStats {
   std::string name;
-  std::uint64_t frames = 0;                 ///< processed by the detector
-  std::uint64_t frames_lost_by_driver = 0;  ///< gaps in the driver's sequence
-  std::uint64_t frames_damaged = 0;         ///< the driver says so, or they can't be decoded
-  std::uint64_t interruptions = 0;          ///< how often the camera was lost
-  std::uint64_t frames_dropped = 0;         ///< ring full: the detector was too slow
-  std::uint64_t sightings = 0;              ///< candidates found
-  View view = View::learning;               ///< how the last frame looked
+  std::uint64_t frames = 0;     ///< processed by the detector
+  std::uint64_t sightings = 0;  ///< candidates found
+  View view = View::learning;   ///< how the last frame looked
   std::array<std::uint64_t, views> frames_by_view{};
   TimestampSource timestamp_source = TimestampSource::unknown;  ///< of the last frame
   double time_sigma_s = 0.0;                                    ///< likewise
   double frames_per_s = 0.0;                                    ///< over the last second or so
-  bool running = false;  ///< false: ended or failed, `error` says why
-  std::string error;     ///< of a camera that runs: why there are no frames now
 };
 
 /// The deep face of capture/: owns the cameras, their rings, detectors and threads (one a camera,

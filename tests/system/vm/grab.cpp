@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// grab WIDTHxHEIGHT SECONDS KEY=VALUE... DEVICE...: grabs from V4L2 cameras, each DEVICE one, for
+// some seconds or until each gave frames=N. Prints a line when a camera is lost or back, and one a
+// camera when it ends (JSON: its counters). Keys: fps, format, input, standard, frames, and
+// times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it).
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "capture/camera_factory.h"
+#include "capture/grabber.h"
+
+namespace throwcal {
+namespace {
+
+constexpr std::size_t ring_slots = 32;
+
+std::int64_t now_ns() {
+  return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+}
+
+struct Taken {
+  std::uint64_t sequence;
+  std::int64_t mid_exposure_ns, taken_ns;
+};
+
+/// A grabber and who takes its frames.
+struct Station {
+  std::unique_ptr<Grabber> grabber;
+  std::jthread reader;
+  std::vector<Taken> taken;
+  std::atomic<std::uint64_t> frames = 0;
+  std::string told;
+  Frame last;
+
+  void read() {
+    while (const auto lease = grabber->take()) {
+      last = lease->frame();
+      taken.push_back({last.sequence, last.row0_mid_exposure.time_since_epoch().count(), now_ns()});
+      ++frames;
+    }
+  }
+  void tell_changes() {
+    const std::string error = grabber->stats().error;
+    if (std::exchange(told, error) == error) return;
+    std::printf("%s: %s\n", name().c_str(), error.empty() ? "is back" : error.c_str());
+    std::fflush(stdout);
+  }
+  void report() const {
+    const GrabberStats s = grabber->stats();
+    std::printf("%s\n", nlohmann::json{{"camera", name()},
+                                       {"frames", frames.load()},
+                                       {"lost", s.frames_lost_by_driver},
+                                       {"damaged", s.frames_damaged},
+                                       {"dropped", s.frames_dropped},
+                                       {"interruptions", s.interruptions},
+                                       {"timestamps", description(last.timestamp_source)},
+                                       {"time_sigma_s", seconds(last.time_sigma)},
+                                       {"error", s.error}}
+                            .dump()
+                            .c_str());
+  }
+  const std::string& name() const { return grabber->camera().name(); }
+};
+
+int run(int argc, char** argv) {
+  CameraSource source;
+  std::sscanf(argv[1], "%dx%d", &source.model.width_px, &source.model.height_px);
+  source.model.fx_px = source.model.fy_px = source.model.width_px;
+  const double most_s = std::atof(argv[2]);
+  std::uint64_t enough = ~std::uint64_t{0};
+  std::ofstream times;
+  std::vector<std::unique_ptr<Station>> stations;
+  for (int i = 3; i < argc; ++i) {
+    const std::string word = argv[i];
+    const std::string value = word.substr(word.find('=') + 1);
+    if (word.starts_with("fps="))
+      source.v4l2.frames_per_s = std::stod(value);
+    else if (word.starts_with("format="))
+      source.v4l2.fourcc = value;
+    else if (word.starts_with("input="))
+      source.v4l2.input = value;
+    else if (word.starts_with("standard="))
+      source.v4l2.standard = value;
+    else if (word.starts_with("frames="))
+      enough = std::stoull(value);
+    else if (word.starts_with("times="))
+      times.open(value);
+    else {
+      source.id = static_cast<CameraId>(stations.size());
+      source.name = word;
+      source.source = "v4l2:" + word;
+      stations.push_back(std::make_unique<Station>());
+      stations.back()->grabber = std::make_unique<Grabber>(make_camera(source), ring_slots);
+    }
+  }
+  for (auto& station : stations) {
+    station->grabber->start();
+    station->reader = std::jthread([&] { station->read(); });
+  }
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(most_s);
+  const auto has_enough = [&](const auto& station) { return station->frames >= enough; };
+  while (std::chrono::steady_clock::now() < end && !std::ranges::all_of(stations, has_enough)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    for (auto& station : stations) station->tell_changes();
+  }
+  for (auto& station : stations) {
+    station->grabber->request_stop();
+    station->reader.join();
+    station->report();
+    for (const Taken& frame : station->taken)
+      times << station->name() << ' ' << frame.sequence << ' ' << frame.mid_exposure_ns << ' '
+            << frame.taken_ns << '\n';
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace throwcal
+
+int main(int argc, char** argv) {
+  if (argc < 4) return 2;
+  try {
+    return throwcal::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "grab: %s\n", error.what());
+    return 1;
+  }
+}
