@@ -68,16 +68,9 @@ FrameClock V4l2Camera::clock() const {
   return {interval_s, 0.0, source_.model.row_time_s * source_.model.height_px};
 }
 
-void V4l2Camera::start() {
-  try {
-    stream_->start();
-  } catch (const DeviceError& error) {
-    lost(error.what());
-  }
-}
-
 Camera::Outcome V4l2Camera::lost(std::string why) {
   stream_.reset();
+  is_streaming_ = false;
   half_.reset();
   error_ = std::move(why);
   return Outcome::lost;
@@ -88,7 +81,6 @@ bool V4l2Camera::open() {
     auto stream = std::make_unique<V4l2Stream>(path_, request());
     RawPicture picture(stream->format(), source_.colour);
     if (picture.format() != format_.format) throw std::runtime_error(path_ + ": is another camera");
-    stream->start();
     stream_ = std::move(stream);
     picture_ = std::move(picture);
   } catch (const std::runtime_error& error) {
@@ -111,6 +103,7 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
     if (!open()) return Outcome::lost;
   }
   try {
+    if (!std::exchange(is_streaming_, true)) stream_->start();
     for (int idle = 0; idle < max_idle_wakes; ++idle) {
       switch (interrupted_.wait(stream_->fd(), patience)) {
         case EventFlag::Woken::by_flag:

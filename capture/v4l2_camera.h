@@ -25,7 +25,7 @@ class V4l2Camera : public Camera {
   const std::string& name() const override { return source_.name; }
   Format format() const override { return format_; }
   CameraModel model() const override { return source_.model; }
-  void start() override;
+  void start() override {}  ///< with the first next(): its failure is one of many to survive
   Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
   void interrupt() override { interrupted_.set(); }
   std::string error() const override { return error_; }
@@ -44,6 +44,7 @@ class V4l2Camera : public Camera {
   Format format_;
   EventFlag interrupted_;
   std::unique_ptr<V4l2Stream> stream_;
+  bool is_streaming_ = false;
   std::optional<RawPicture> picture_;
   std::optional<V4l2Stream::Buffer> half_;  ///< of which the second field is still to be given
   SequenceCounter sequence_;

@@ -16,9 +16,7 @@ std::string reason(int code) { return std::generic_category().message(code); }
 
 }  // namespace
 
-bool DeviceError::is_gone() const {
-  return code_ == ENODEV || code_ == ENXIO || code_ == ENOENT || code_ == EIO;
-}
+bool DeviceError::is_gone() const { return code_ == ENODEV || code_ == ENXIO || code_ == ENOENT; }
 
 V4l2Device::V4l2Device(const std::string& path)
     : path_(path), fd_(open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC)) {

@@ -1,0 +1,182 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Our V4L2 cameras on the kernel's virtual ones (vivid): what is lost, damaged or gone is counted and named exactly as the driver
+has it, and every frame keeps the driver's stamp. THROWCAL_LONG=1: 10,000 frames at each loss rate and both
+kernels, else a twentieth and one."""
+import collections
+import json
+import os
+import pathlib
+import sys
+
+import vm
+
+LONG = bool(os.environ.get("THROWCAL_LONG"))
+FRAMES = 2500 if LONG else 125  # of each of four cameras
+KERNELS = (12, 13) if LONG else (13,)
+LOSSES = (0, 10, 30)  # per cent
+
+PRELUDE = """
+set -e
+modprobe vivid n_devs=4 node_types=0x1,0x1,0x1,0x1
+udevadm settle
+cameras="/dev/video0 /dev/video1 /dev/video2 /dev/video3"
+control() { v4l2-ctl --device $1 --set-ctrl $2; }
+grab() { # OUT ARGUMENT...: what it printed, the frames it gave, what the driver answered
+  local out=out/$1; shift
+  LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=$out.driver ./grab "$@" times=$out.frames > $out.log 2>&1
+}
+"""
+
+
+def losses() -> str:
+    """Frames that the driver drops, as many per cent of them; then its counter and its stamps wrap."""
+    script = ""
+    for loss in LOSSES:
+        script += f'for c in $cameras; do control $c percentage_of_dropped_buffers={loss}; done\n'
+        script += f"grab lost{loss} 320x180 400 fps=30 frames={FRAMES} $cameras\n"
+    script += "for c in $cameras; do control $c percentage_of_dropped_buffers=10; control $c wrap_sequence_number=1; done\n"
+    script += "grab wrapped 320x180 60 fps=30 frames=200 $cameras\n"
+    script += "for c in $cameras; do control $c wrap_sequence_number=0; control $c timestamp_source=1; done\n"
+    script += "grab start_of_exposure 320x180 60 fps=30 frames=40 $cameras\n"
+    for wrap in (1, 2):
+        script += f"control /dev/video0 wrap_timestamp={wrap}\n"
+        script += f"grab stamps{wrap} 320x180 60 fps=30 frames=40 /dev/video0\n"
+    return script
+
+
+FAULTS = """
+( sleep 4; for i in 1 2 3; do control /dev/video0 inject_v4l2_buf_flag_error=1; sleep 0.7; done ) &
+grab damaged 320x180 12 fps=30 /dev/video0 /dev/video1
+wait
+( sleep 4; control /dev/video0 inject_fatal_streaming_error=1 ) &
+grab fatal 320x180 9 fps=30 /dev/video0 /dev/video1
+wait
+control /dev/video0 inject_vidioc_streamon_error=1
+grab streamon 320x180 6 fps=30 /dev/video0 /dev/video1
+( sleep 4; control /dev/video0 disconnect=1; sleep 3; echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
+  echo vivid.0 > /sys/bus/platform/drivers/vivid/bind ) &
+grab unplugged 320x180 16 fps=30 /dev/video0 /dev/video1
+wait
+for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&1 || true; done
+./grab 320x180 1 format=H264 /dev/video0 > out/format 2>&1 || true
+./grab 320x180 1 input=Composite /dev/video0 > out/input 2>&1 || true
+./grab 320x180 1 /dev/video9 > out/none 2>&1 || true
+./grab 320x180 1 /dev/null > out/null 2>&1 || true
+"""
+
+FIELDS = """
+v4l2-ctl --device /dev/video0 --set-input 1 --set-standard pal
+v4l2-ctl --device /dev/video0 --list-inputs > out/inputs
+grab pal 720x576 30 input=1 standard=PAL frames=60 /dev/video0
+grab ntsc 720x480 30 input=1 standard=NTSC frames=60 /dev/video0
+"""
+
+
+class Run:
+    """One call of grab: its counters by camera, its frames, and what the driver answered."""
+
+    def __init__(self, result: vm.Result, name: str) -> None:
+        lines = result.text(f"{name}.log").splitlines()
+        self.counters = {c["camera"]: c for c in map(json.loads, (line for line in lines if line.startswith("{")))}
+        self.said = [line for line in lines if not line.startswith("{")]
+        self.frames = collections.defaultdict(list)  # by camera: (sequence, middle of exposure ns)
+        for line in result.text(f"{name}.frames").splitlines():
+            camera, sequence, stamp, _ = line.split()
+            self.frames[camera].append((int(sequence), int(stamp)))
+        self.driver = collections.defaultdict(list)  # by file descriptor: (sequence, flags, stamp ns, field)
+        for line in result.text(f"{name}.driver").splitlines():
+            fd, sequence, flags, stamp, field, _ = line.split()
+            self.driver[fd].append((int(sequence), int(flags, 16), int(stamp), int(field)))
+
+    def driver_of(self, camera: str) -> list[tuple[int, int, int, int]]:
+        """The answers that this camera got: those that hold its frames' stamps."""
+        stamps = {stamp for _, stamp in self.frames[camera]}
+        return max(self.driver.values(), key=lambda answers: len(stamps & {answer[2] for answer in answers}))
+
+
+def gaps(answers) -> int:
+    return sum((after[0] - before[0]) % 2**32 - 1 for before, after in zip(answers, answers[1:]))
+
+
+def check_losses(result: vm.Result) -> None:
+    for name in [f"lost{loss}" for loss in LOSSES] + ["wrapped"]:
+        run, total, lost = Run(result, name), 0, 0
+        assert len(run.counters) == 4, result.output
+        for camera, counted in run.counters.items():
+            answers = run.driver_of(camera)
+            # grab ends in the midst of frames: the driver may have answered a few times more.
+            stamps = [stamp for _, stamp in run.frames[camera]]
+            answers = answers[: 1 + max(i for i, answer in enumerate(answers) if answer[2] == stamps[-1])]
+            assert counted["dropped"] == counted["interruptions"] == 0 and counted["error"] == "", counted
+            damaged = sum(bool(flags & 0x40) for _, flags, _, _ in answers)
+            assert counted["damaged"] == damaged, (name, counted, damaged)
+            assert [a[2] for a in answers if not a[1] & 0x40] == stamps, f"{name}: {camera}: not the driver's stamps"
+            assert gaps(answers) <= counted["lost"] <= gaps(run.driver_of(camera)), (name, counted, gaps(answers))
+            sequences = [sequence for sequence, _ in run.frames[camera]]
+            assert sequences[-1] - sequences[0] + 1 - len(sequences) == gaps(answers) + damaged - bool(answers[0][1] & 0x40), (name, camera)
+            assert counted["timestamps"] == "end of frame", counted
+            total, lost = total + len(sequences), lost + gaps(answers)
+        print(f"  {name}: {total} frames of 4 cameras; the driver lost {lost}, so it was counted", flush=True)
+        if name != "lost0":
+            assert lost > 0.03 * total, name
+    wrapped = Run(result, "wrapped")
+    assert any(a[0] > 2**31 for a in wrapped.driver_of("/dev/video0")) and any(a[0] < 2**31 for a in wrapped.driver_of("/dev/video0"))
+    exposure = Run(result, "start_of_exposure")
+    assert all(c["timestamps"] == "start of exposure" for c in exposure.counters.values()), exposure.counters
+    for wrap in (1, 2):
+        stamps = Run(result, f"stamps{wrap}")
+        (counted,) = stamps.counters.values()
+        assert counted["timestamps"] == "when it was dequeued" and counted["frames"] >= 40, counted
+        times = [time for _, time in stamps.frames["/dev/video0"]]
+        assert all(0 < b - a < 10**9 for a, b in zip(times, times[1:])), "time goes on"
+
+
+def check_faults(result: vm.Result) -> None:
+    calm = {name: Run(result, name) for name in ("damaged", "fatal", "streamon", "unplugged")}
+    for name, run in calm.items():
+        first, second = run.counters["/dev/video0"], run.counters["/dev/video1"]
+        print(f"  {name}: {first}; said {run.said}", flush=True)
+        assert first["error"] == "", (name, first)
+        if name != "unplugged":  # which unbinds the driver of both
+            assert second["interruptions"] == second["damaged"] == 0, (name, second)
+    damaged = calm["damaged"]
+    flagged = sum(bool(flags & 0x40) for _, flags, _, _ in damaged.driver_of("/dev/video0"))
+    assert damaged.counters["/dev/video0"]["damaged"] == flagged > 0, (flagged, damaged.counters)
+    for name, cause in (("fatal", "VIDIOC_DQBUF"), ("streamon", "VIDIOC_STREAMON"), ("unplugged", "was unplugged")):
+        run = calm[name]
+        assert run.counters["/dev/video0"]["interruptions"] >= 1, (name, run.counters)
+        assert any(line.startswith("/dev/video0: ") and cause in line for line in run.said), (name, run.said)
+        assert run.said[-1].endswith("is back"), (name, run.said)
+    for name, message in (("size.322x180", "gives pictures of 320x180; the rig says 322x180"), ("size.5000x180", "the rig says 5000x180"),
+                          ("format", "expected H264"), ("input", 'has no input "Composite"; expected one of 0 "'),
+                          ("none", "/dev/video9: No such file or directory"), ("null", "/dev/null: is no V4L2 device")):
+        text = result.text(name)
+        assert text.startswith("grab: camera ") and message in text and text.count("\n") == 1, (name, text)
+
+
+def check_fields(result: vm.Result) -> None:
+    for name, interval_ms in (("pal", 20), ("ntsc", 1001 / 60)):
+        run = Run(result, name)
+        (counted,) = run.counters.values()
+        frames = run.frames["/dev/video0"]
+        steps = [(b[1] - a[1]) / 1e6 / (b[0] - a[0]) for a, b in zip(frames, frames[1:])]
+        within = sorted(step for (a, _), step in zip(frames, steps) if a % 2 == 0)
+        print(f"  {name}: {len(frames)} half-frames; a frame's two are {within[0]:.4f} to {within[-1]:.4f} ms apart; {counted}", flush=True)
+        assert len(frames) >= 60 and all(abs(step - interval_ms) < 0.01 for step in within), (name, steps)
+        assert all(abs(step - interval_ms) < 0.5 * interval_ms for step in steps), (name, steps)
+
+
+def main() -> None:
+    build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1]) / "tests"
+    files = {"grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so"}
+    for kernel in KERNELS:
+        for script, check in ((losses(), check_losses), (FAULTS, check_faults), (FIELDS, check_fields)):
+            result = vm.run_in_guest(kernel, files, PRELUDE + script, timeout=900)
+            print(f"kernel {kernel}, {check.__name__.removeprefix('check_')}: {result.total_s:.0f} s", flush=True)
+            assert result.rc == 0, f"exit status {result.rc}\n{result.output}"
+            check(result)
+
+
+if __name__ == "__main__":
+    main()
