@@ -64,7 +64,8 @@ V4l2Request V4l2Camera::request() const {
 }
 
 FrameClock V4l2Camera::clock() const {
-  const double interval_s = format_.frames_per_s > 0 ? 1 / format_.frames_per_s : 0.0;
+  const double frames_per_s = stream_->format().frames_per_s;
+  const double interval_s = frames_per_s > 0 ? 1 / frames_per_s : 0.0;
   return {interval_s, 0.0, source_.model.row_time_s * source_.model.height_px};
 }
 

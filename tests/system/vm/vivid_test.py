@@ -163,6 +163,7 @@ def check_fields(result: vm.Result) -> None:
         steps = [(b[1] - a[1]) / 1e6 / (b[0] - a[0]) for a, b in zip(frames, frames[1:])]
         within = sorted(step for (a, _), step in zip(frames, steps) if a % 2 == 0)
         print(f"  {name}: {len(frames)} half-frames; a frame's two are {within[0]:.4f} to {within[-1]:.4f} ms apart; {counted}", flush=True)
+        assert counted["time_sigma_s"] < 0.005, counted
         assert len(frames) >= 60 and all(abs(step - interval_ms) < 0.01 for step in within), (name, steps)
         assert all(abs(step - interval_ms) < 0.5 * interval_ms for step in steps), (name, steps)
 
@@ -172,7 +173,7 @@ def main() -> None:
     files = {"grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so"}
     for kernel in KERNELS:
         for script, check in ((losses(), check_losses), (FAULTS, check_faults), (FIELDS, check_fields)):
-            result = vm.run_in_guest(kernel, files, PRELUDE + script, timeout=900)
+            result = vm.run_in_guest(kernel, files, PRELUDE + script, 900, ("--icount",))
             print(f"kernel {kernel}, {check.__name__.removeprefix('check_')}: {result.total_s:.0f} s", flush=True)
             assert result.rc == 0, f"exit status {result.rc}\n{result.output}"
             check(result)
