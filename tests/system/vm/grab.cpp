@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // grab WIDTHxHEIGHT SECONDS KEY=VALUE... DEVICE...: grabs from V4L2 cameras, each DEVICE one, for
 // some seconds or until each gave frames=N. Prints a line when a camera is lost or back, and one a
-// camera when it ends (JSON: its counters). Keys: fps, format, input, standard, frames, and
-// times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it).
+// camera when it ends (JSON: its counters). Keys: fps, format, input, standard, frames,
+// times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it),
+// and rounds=A,B,...: all of it again and again, until each camera gave A frames, then B ...
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -55,27 +58,30 @@ struct Station {
   }
   void report() const {
     const GrabberStats s = grabber->stats();
-    std::printf("%s\n", nlohmann::json{{"camera", name()},
-                                       {"frames", frames.load()},
-                                       {"lost", s.frames_lost_by_driver},
-                                       {"damaged", s.frames_damaged},
-                                       {"dropped", s.frames_dropped},
-                                       {"interruptions", s.interruptions},
-                                       {"timestamps", description(last.timestamp_source)},
-                                       {"time_sigma_s", seconds(last.time_sigma)},
-                                       {"error", s.error}}
-                            .dump()
-                            .c_str());
+    std::printf(
+        "%s\n",
+        nlohmann::json{
+            {"camera", name()},
+            {"frames", frames.load()},
+            {"lost", s.frames_lost_by_driver},
+            {"damaged", s.frames_damaged},
+            {"dropped", s.frames_dropped},
+            {"interruptions", s.interruptions},
+            {"timestamps", description(last.timestamp_source)},
+            {"time_sigma_s", seconds(last.time_sigma)},
+            {"files", std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {})},
+            {"error", s.error}}
+            .dump()
+            .c_str());
   }
   const std::string& name() const { return grabber->camera().name(); }
 };
 
-int run(int argc, char** argv) {
+int run(int argc, char** argv, std::uint64_t enough) {
   CameraSource source;
   std::sscanf(argv[1], "%dx%d", &source.model.width_px, &source.model.height_px);
   source.model.fx_px = source.model.fy_px = source.model.width_px;
   const double most_s = std::atof(argv[2]);
-  std::uint64_t enough = ~std::uint64_t{0};
   std::ofstream times;
   std::vector<std::unique_ptr<Station>> stations;
   for (int i = 3; i < argc; ++i) {
@@ -91,6 +97,8 @@ int run(int argc, char** argv) {
       source.v4l2.standard = value;
     else if (word.starts_with("frames="))
       enough = std::stoull(value);
+    else if (word.starts_with("rounds="))
+      continue;
     else if (word.starts_with("times="))
       times.open(value);
     else {
@@ -127,8 +135,15 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (argc < 4) return 2;
+  std::stringstream rounds("");
+  for (int i = 3; i < argc; ++i)
+    if (const std::string word = argv[i]; word.starts_with("rounds=")) rounds.str(word.substr(7));
   try {
-    return throwcal::run(argc, argv);
+    std::string frames;
+    if (!std::getline(rounds, frames, ',')) return throwcal::run(argc, argv, ~std::uint64_t{0});
+    do throwcal::run(argc, argv, std::stoull(frames));
+    while (std::getline(rounds, frames, ','));
+    return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "grab: %s\n", error.what());
     return 1;

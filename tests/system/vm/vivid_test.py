@@ -14,6 +14,7 @@ import vm
 LONG = bool(os.environ.get("THROWCAL_LONG"))
 FRAMES = 2500 if LONG else 125  # of each of four cameras
 KERNELS = (12, 13) if LONG else (13,)
+CYCLES = 200 if LONG else 12  # of unplugging
 LOSSES = (0, 10, 30)  # per cent
 
 PRELUDE = """
@@ -63,6 +64,21 @@ for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&
 ./grab 320x180 1 input=Composite /dev/video0 > out/input 2>&1 || true
 ./grab 320x180 1 /dev/video9 > out/none 2>&1 || true
 ./grab 320x180 1 /dev/null > out/null 2>&1 || true
+"""
+
+ENDURANCE = f"""
+rss() {{ grep VmRSS /proc/$1/status | tr -dc 0-9; }}
+./grab 320x180 {12 + 2.1 * CYCLES} fps=30 /dev/video0 /dev/video1 > out/plugged.log 2>&1 &
+grab=$!
+sleep 6
+for n in $(seq {CYCLES}); do
+  [ $n != 4 ] || echo $(ls /proc/$grab/fd | wc -l) $(rss $grab) > out/early
+  echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind; sleep 0.5
+  echo vivid.0 > /sys/bus/platform/drivers/vivid/bind; sleep 1.5
+done
+echo $(ls /proc/$grab/fd | wc -l) $(rss $grab) > out/late
+wait $grab
+./grab 320x180 60 fps=30 rounds=1,2,3,5,8,13,21,34,55,89,1,2,3,5,8,13,21,34,55,89 $cameras > out/matrix.log 2>&1
 """
 
 FIELDS = """
@@ -155,6 +171,20 @@ def check_faults(result: vm.Result) -> None:
         assert text.startswith("grab: camera ") and message in text and text.count("\n") == 1, (name, text)
 
 
+def check_endurance(result: vm.Result) -> None:
+    early, late = ([int(word) for word in result.text(name).split()] for name in ("early", "late"))
+    ends = [json.loads(line) for line in result.text("plugged.log").splitlines() if line.startswith("{")]
+    print(f"  {CYCLES} times unplugged, {ends[0]['interruptions']} times back; open files {early[0]} -> {late[0]}, resident kB {early[1]} -> {late[1]}", flush=True)
+    assert all(c["interruptions"] == CYCLES and c["error"] == "" for c in ends) and len(ends) == 2, result.text("plugged.log")
+    assert late[0] == early[0] and late[1] < early[1] + 2000, (early, late)
+    rounds = [json.loads(line) for line in result.text("matrix.log").splitlines() if line.startswith("{")]
+    assert len(rounds) == 20 * 4 and all(r["error"] == "" and r["dropped"] == 0 for r in rounds), result.text("matrix.log")
+    assert all(r["frames"] >= n for r, n in zip(rounds, [n for n in (1, 2, 3, 5, 8, 13, 21, 34, 55, 89) * 2 for _ in range(4)])), rounds
+    files = [max(r["files"] for r in rounds[4 * i : 4 * i + 4]) for i in range(20)]
+    print(f"  started and stopped 20 times: open files {files[0]} -> {files[-1]}", flush=True)
+    assert files[-1] <= files[0], files
+
+
 def check_fields(result: vm.Result) -> None:
     for name, interval_ms in (("pal", 20), ("ntsc", 1001 / 60)):
         run = Run(result, name)
@@ -172,7 +202,7 @@ def main() -> None:
     build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1]) / "tests"
     files = {"grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so"}
     for kernel in KERNELS:
-        for script, check in ((losses(), check_losses), (FAULTS, check_faults), (FIELDS, check_fields)):
+        for script, check in ((losses(), check_losses), (FAULTS, check_faults), (ENDURANCE, check_endurance), (FIELDS, check_fields)):
             result = vm.run_in_guest(kernel, files, PRELUDE + script, 900, ("--icount",))
             print(f"kernel {kernel}, {check.__name__.removeprefix('check_')}: {result.total_s:.0f} s", flush=True)
             assert result.rc == 0, f"exit status {result.rc}\n{result.output}"
