@@ -17,6 +17,7 @@ enum ExitStatus : int {
 void add_calibrate_command(CLI::App& app, int& status);
 void add_detect_command(CLI::App& app, int& status);
 void add_picture_command(CLI::App& app, int& status);
+void add_record_commands(CLI::App& app, int& status);
 void add_simulate_command(CLI::App& app, int& status);
 void add_box_commands(CLI::App& app, int& status);
 

@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   add_calibrate_command(app, status);
   add_detect_command(app, status);
   add_picture_command(app, status);
+  add_record_commands(app, status);
   add_simulate_command(app, status);
   add_box_commands(app, status);
   try {

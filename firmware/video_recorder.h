@@ -2,15 +2,36 @@
 #pragma once
 #include <filesystem>
 #include <functional>
+#include <opencv2/videoio.hpp>
+#include <string>
 
 #include "capture/camera.h"
 
 namespace throwcal {
 
-/// Films a camera until it ends: FILE (lossless FFV1 in Matroska) and, beside it,
-/// FILE's stem + ".timestamps.txt" (timestamp format v2, milliseconds: the middle of row 0's
-/// exposure). `filmed` is told each frame's time. Throws InputError where it can't be written or
-/// the camera fails. Grey and bgr pictures only.
+/// A film of one camera, as `calibrate --video` reads it: FILE (lossless FFV1 in Matroska) and,
+/// beside it, FILE's stem + ".timestamps.txt" (timestamp format v2, milliseconds: the middle of row
+/// 0's exposure). Pictures with chroma of half the resolution become bgr.
+class VideoFile {
+ public:
+  /// Throws InputError where it can't be written.
+  VideoFile(const std::filesystem::path& file, const Camera::Format& format);
+  void write(const Frame& frame);
+  /// Writes the times. Throws InputError where they can't be written.
+  void close();
+
+ private:
+  std::filesystem::path file_;
+  cv::VideoWriter video_;
+  std::string timestamps_ = "# timestamp format v2\n";
+  cv::Mat bgr_;
+};
+
+/// A frame's picture as OpenCV has it, CV_8UC1 or CV_8UC3 (bgr): a view, or in `memory`.
+cv::Mat picture_of(const Frame& frame, cv::Mat& memory);
+
+/// Films a camera until it ends. `filmed` is told each frame's time. Throws InputError where it
+/// can't be written or the camera fails.
 void record_video(Camera& camera, const std::filesystem::path& file,
                   const std::function<void(HostTime)>& filmed);
 
