@@ -100,6 +100,8 @@ std::size_t least_bytes(const V4l2Format& format) {
 
 }  // namespace
 
+bool is_read_format(std::uint32_t fourcc) { return std::ranges::count(grey_first, fourcc) > 0; }
+
 std::string fourcc_text(std::uint32_t fourcc) {
   std::string out;
   for (int i = 0; i < 4; ++i) out += static_cast<char>((fourcc >> (8 * i)) & 0x7f);

@@ -37,6 +37,8 @@ struct V4l2Format {
 };
 
 std::string fourcc_text(std::uint32_t fourcc);
+/// Whether pictures of this format can be read here.
+bool is_read_format(std::uint32_t fourcc);
 
 /// A V4L2 camera that streams into memory-mapped buffers, single- or multi-planar. One thread at a
 /// time. Ends the stream when it dies.

@@ -15,6 +15,7 @@ enum ExitStatus : int {
 /// Each adds subcommands whose callback does the work and sets `status`. A callback throws
 /// InputError (exit 2) or BoxError (exit 1), told by main() in one line.
 void add_calibrate_command(CLI::App& app, int& status);
+void add_cameras_command(CLI::App& app, int& status);
 void add_detect_command(CLI::App& app, int& status);
 void add_picture_command(CLI::App& app, int& status);
 void add_record_commands(CLI::App& app, int& status);

@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
       "Each command explains itself: throwcal calibrate --help");
   int status = exit_accepted;
   add_calibrate_command(app, status);
+  add_cameras_command(app, status);
   add_detect_command(app, status);
   add_picture_command(app, status);
   add_record_commands(app, status);

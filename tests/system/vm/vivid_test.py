@@ -64,6 +64,10 @@ for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&
 ./grab 320x180 1 input=Composite /dev/video0 > out/input 2>&1 || true
 ./grab 320x180 1 /dev/video9 > out/none 2>&1 || true
 ./grab 320x180 1 /dev/null > out/null 2>&1 || true
+./throwcal cameras --json > out/cameras
+./throwcal cameras > out/cameras.text
+echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
+./throwcal cameras > out/no_cameras
 """
 
 ENDURANCE = f"""
@@ -171,6 +175,21 @@ def check_faults(result: vm.Result) -> None:
         assert text.startswith("grab: camera ") and message in text and text.count("\n") == 1, (name, text)
 
 
+def check_listing(result: vm.Result) -> None:
+    cameras = json.loads(result.text("cameras"))
+    assert [c["device"] for c in cameras] == [f"/dev/video{i}" for i in range(4)], cameras
+    for i, camera in enumerate(cameras):
+        assert camera["driver"] == "vivid" and camera["bus"] == f"platform:vivid-{i:03}" and camera["problem"] is None, camera
+        usable = {f["pixel_format"]: f for f in camera["formats"] if f["usable"]}
+        assert {"GREY", "NV12", "YUYV", "UYVY", "BA81"} <= set(usable), usable.keys()
+        rates = {size["size"]: size["frames_per_s"] for size in usable["GREY"]["sizes"]}
+        assert 60 in rates["320x180"] and max(rates["640x360"]) >= 25, rates
+        assert len(camera["inputs"]) == 4, camera["inputs"]
+    text = result.text("cameras.text")
+    assert text.count('source = "v4l2:/dev/') == 4 and "GREY 320x180 at " in text, text
+    assert result.text("no_cameras").startswith("no V4L2 camera is here"), result.text("no_cameras")
+
+
 def check_endurance(result: vm.Result) -> None:
     early, late = ([int(word) for word in result.text(name).split()] for name in ("early", "late"))
     ends = [json.loads(line) for line in result.text("plugged.log").splitlines() if line.startswith("{")]
@@ -200,13 +219,15 @@ def check_fields(result: vm.Result) -> None:
 
 def main() -> None:
     build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1]) / "tests"
-    files = {"grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so"}
+    files = {"grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so", "throwcal": build.parent / "throwcal"}
     for kernel in KERNELS:
         for script, check in ((losses(), check_losses), (FAULTS, check_faults), (ENDURANCE, check_endurance), (FIELDS, check_fields)):
             result = vm.run_in_guest(kernel, files, PRELUDE + script, 900, ("--icount",))
             print(f"kernel {kernel}, {check.__name__.removeprefix('check_')}: {result.total_s:.0f} s", flush=True)
             assert result.rc == 0, f"exit status {result.rc}\n{result.output}"
             check(result)
+            if check is check_faults:
+                check_listing(result)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <string>
+#include <vector>
+
+namespace throwcal {
+
+/// A size that a camera offers in one pixel format.
+struct V4l2Size {
+  std::string text;  ///< "640x480", or "64x64 to 1920x1080"
+  std::vector<double> frames_per_s;
+};
+
+struct V4l2Offer {
+  std::string fourcc;
+  bool is_read = false;  ///< throwcal can read this format
+  std::vector<V4l2Size> sizes;
+};
+
+/// A V4L2 camera of this machine, as its driver describes it.
+struct V4l2Listing {
+  std::string device;   ///< "/dev/video0"
+  std::string by_path;  ///< by the port it is plugged into: stays when others come and go; or empty
+  std::string card, driver, bus;
+  std::vector<V4l2Offer> offers;
+  std::vector<std::string> inputs;  ///< of a card with several
+  std::string problem;              ///< why it cannot be used or asked; empty: nothing is wrong
+};
+
+/// All of /dev/video*, in order; what captures no pictures is left out.
+std::vector<V4l2Listing> list_v4l2_cameras();
+
+}  // namespace throwcal

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "capture/v4l2_list.h"
+#include "firmware/commands.h"
+
+namespace throwcal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json to_json(const V4l2Listing& camera) {
+  Json formats = Json::array();
+  for (const V4l2Offer& offer : camera.offers) {
+    Json sizes = Json::array();
+    for (const V4l2Size& size : offer.sizes)
+      sizes.push_back({{"size", size.text}, {"frames_per_s", size.frames_per_s}});
+    formats.push_back(
+        {{"pixel_format", offer.fourcc}, {"usable", offer.is_read}, {"sizes", sizes}});
+  }
+  const auto known = [](const std::string& text) { return text.empty() ? Json() : Json(text); };
+  const std::string& where = camera.by_path.empty() ? camera.device : camera.by_path;
+  return {
+      {"source", "v4l2:" + where}, {"device", camera.device}, {"by_path", known(camera.by_path)},
+      {"card", camera.card},       {"driver", camera.driver}, {"bus", camera.bus},
+      {"inputs", camera.inputs},   {"formats", formats},      {"problem", known(camera.problem)}};
+}
+
+std::string rates_text(const std::vector<double>& rates) {
+  if (rates.empty()) return {};
+  const auto [slowest, fastest] = std::ranges::minmax(rates);
+  char text[64];
+  if (fastest - slowest < 0.01)
+    std::snprintf(text, sizeof text, " at %.4g/s", fastest);
+  else
+    std::snprintf(text, sizeof text, " at %.4g to %.4g/s", slowest, fastest);
+  return text;
+}
+
+void print(const V4l2Listing& camera) {
+  std::printf("%s  %s (%s, %s)\n", camera.device.c_str(), camera.card.c_str(),
+              camera.driver.c_str(), camera.bus.c_str());
+  std::printf("  source = \"v4l2:%s\"\n",
+              (camera.by_path.empty() ? camera.device : camera.by_path).c_str());
+  if (!camera.problem.empty()) std::printf("  PROBLEM: %s\n", camera.problem.c_str());
+  if (camera.inputs.size() > 1) {
+    std::printf("  inputs:");
+    for (const std::string& input : camera.inputs) std::printf(" \"%s\"", input.c_str());
+    std::printf("\n");
+  }
+  std::string others;
+  for (const V4l2Offer& offer : camera.offers) {
+    if (!offer.is_read) {
+      others += " " + offer.fourcc;
+      continue;
+    }
+    std::printf("  %-4s", offer.fourcc.c_str());
+    for (std::size_t i = 0; i < offer.sizes.size(); ++i)
+      std::printf("%s %s%s", i ? "," : "", offer.sizes[i].text.c_str(),
+                  rates_text(offer.sizes[i].frames_per_s).c_str());
+    std::printf("\n");
+  }
+  if (!others.empty()) std::printf("  not read here:%s\n", others.c_str());
+}
+
+int list(bool as_json) {
+  const std::vector<V4l2Listing> cameras = list_v4l2_cameras();
+  if (as_json) {
+    Json out = Json::array();
+    for (const V4l2Listing& camera : cameras) out.push_back(to_json(camera));
+    std::printf("%s\n", out.dump(2).c_str());
+  } else {
+    for (const V4l2Listing& camera : cameras) print(camera);
+    if (cameras.empty())
+      std::printf(
+          "no V4L2 camera is here: none plugged in, or the kernel has no driver for it (dmesg "
+          "tells)\n");
+  }
+  return std::ranges::all_of(cameras, [](const auto& c) { return c.problem.empty(); })
+             ? exit_accepted
+             : exit_failed;
+}
+
+}  // namespace
+
+void add_cameras_command(CLI::App& app, int& status) {
+  auto* command = app.add_subcommand(
+      "cameras", "What cameras are plugged in here, what they can do, and what is wrong");
+  auto as_json = std::make_shared<bool>(false);
+  command->add_flag("--json", *as_json, "For a script");
+  command->footer(
+      "Each `source` line is for the rig file: by the port, it stays when others come and go.\n"
+      "Exit status 1 where one of them cannot be used.");
+  command->callback([as_json, &status] { status = list(*as_json); });
+}
+
+}  // namespace throwcal
