@@ -27,6 +27,7 @@ grab() { # OUT ARGUMENT...: what it printed, the frames it gave, what the driver
   local out=out/$1; shift
   LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=$out.driver ./grab "$@" times=$out.frames > $out.log 2>&1
 }
+streaming() { until [ -s out/$1.driver ]; do sleep 0.1; done; sleep 1; } # OUT: frames come, since a second
 """
 
 
@@ -47,15 +48,15 @@ def losses() -> str:
 
 
 FAULTS = """
-( sleep 4; for i in 1 2 3; do control /dev/video0 inject_v4l2_buf_flag_error=1; sleep 0.7; done ) &
+( streaming damaged; for i in 1 2 3; do control /dev/video0 inject_v4l2_buf_flag_error=1; sleep 0.7; done ) &
 grab damaged 320x180 12 fps=30 /dev/video0 /dev/video1
 wait
-( sleep 4; control /dev/video0 inject_fatal_streaming_error=1 ) &
+( streaming fatal; control /dev/video0 inject_fatal_streaming_error=1 ) &
 grab fatal 320x180 9 fps=30 /dev/video0 /dev/video1
 wait
 control /dev/video0 inject_vidioc_streamon_error=1
 grab streamon 320x180 6 fps=30 /dev/video0 /dev/video1
-( sleep 4; control /dev/video0 disconnect=1; sleep 3; echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
+( streaming unplugged; control /dev/video0 disconnect=1; sleep 3; echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
   echo vivid.0 > /sys/bus/platform/drivers/vivid/bind ) &
 grab unplugged 320x180 16 fps=30 /dev/video0 /dev/video1
 wait
@@ -72,9 +73,9 @@ echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
 
 ENDURANCE = f"""
 rss() {{ grep VmRSS /proc/$1/status | tr -dc 0-9; }}
-./grab 320x180 {12 + 2.1 * CYCLES} fps=30 /dev/video0 /dev/video1 > out/plugged.log 2>&1 &
+LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=out/plugged.driver ./grab 320x180 {12 + 2.1 * CYCLES} fps=30 /dev/video0 /dev/video1 > out/plugged.log 2>&1 &
 grab=$!
-sleep 6
+streaming plugged
 for n in $(seq {CYCLES}); do
   [ $n != 4 ] || echo $(ls /proc/$grab/fd | wc -l) $(rss $grab) > out/early
   echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind; sleep 0.5
@@ -224,7 +225,8 @@ def main() -> None:
         for script, check in ((losses(), check_losses), (FAULTS, check_faults), (ENDURANCE, check_endurance), (FIELDS, check_fields)):
             result = vm.run_in_guest(kernel, files, PRELUDE + script, 900, ("--icount",))
             print(f"kernel {kernel}, {check.__name__.removeprefix('check_')}: {result.total_s:.0f} s", flush=True)
-            assert result.rc == 0, f"exit status {result.rc}\n{result.output}"
+            said = {name: result.text(name)[-2000:] for name in result.files if name.endswith(".log")}
+            assert result.rc == 0, f"exit status {result.rc}\n{result.output}\n{said}"
             check(result)
             if check is check_faults:
                 check_listing(result)
