@@ -31,7 +31,7 @@ wait
 
 
 def check(kernel: int, footage: dict[str, pathlib.Path], player: pathlib.Path) -> None:
-    result = vm.run_in_guest(kernel, {"loopback_player": player, "read_frames.py": vm.HERE / "read_frames.py", **footage}, SCRIPT)
+    result = vm.run_in_guest(kernel, {"loopback_player": player, "read_frames.py": vm.HERE / "read_frames.py", **footage}, SCRIPT, 200, ("--icount",))
     assert result.rc == 0, f"kernel {kernel}: exit status {result.rc}\n{result.output}"
     assert f"begins on Linux {KERNELS[kernel]}." in result.output, result.output
     cameras = [name for name in result.files if name.startswith("info.") and re.search("Driver name *: vivid", result.text(name))]
