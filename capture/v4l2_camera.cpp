@@ -94,16 +94,14 @@ bool V4l2Camera::open() {
 }
 
 Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
-  if (half_) {
-    const V4l2Stream::Buffer buffer = *std::exchange(half_, std::nullopt);
-    return give(buffer, true, slot, frame);
-  }
   if (!stream_) {
     if (interrupted_.wait(-1, retry_period) == EventFlag::Woken::by_flag)
       return Outcome::interrupted;
     if (!open()) return Outcome::lost;
   }
   try {
+    if (const auto second = std::exchange(half_, std::nullopt))
+      return give(*second, true, slot, frame);
     if (!std::exchange(is_streaming_, true)) stream_->start();
     for (int idle = 0; idle < max_idle_wakes; ++idle) {
       switch (interrupted_.wait(stream_->fd(), patience)) {

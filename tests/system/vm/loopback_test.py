@@ -14,7 +14,8 @@ import tempfile
 import vm
 
 MODULE = "modprobe v4l2loopback devices={n} video_nr={nodes} max_buffers=8"
-STAMPS = dict(width=640, height=480, fps=60, frames=300)
+STAMPS = dict(width=640, height=480, fps=60)
+ROUNDS, FRAMES = 10, 150  # of 64 frames that are played; of each camera that are looked at
 BUFFERS = 8  # frames that may lie in a device when its reader comes, with that moment's stamps
 FILM = dict(cameras=2, width=320, height=240, fps=30, throws=3)
 
@@ -22,6 +23,7 @@ STAMPS_SCRIPT = """
 set -e
 {module}
 udevadm settle
+for i in $(seq {rounds}); do cat footage; done > /dev/shm/footage # what comes from the host comes slowly
 ./loopback_player {width} {height} GREY {fps} {players} > out/written &
 while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
 LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=out/driver ./grab {width}x{height} 60 frames={enough} times=out/frames {devices} > out/log
@@ -52,13 +54,13 @@ def module(nodes: list[int]) -> str:
 
 def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: pathlib.Path) -> None:
     nodes = [20, 21, 22, 23]
-    size, frames = STAMPS["width"] * STAMPS["height"], STAMPS["frames"]
+    size = STAMPS["width"] * STAMPS["height"]
     footage = folder / "footage"
-    footage.write_bytes(b"".join(bytes([n % 256]) * size for n in range(64)) * (frames // 64 + 1))
+    footage.write_bytes(b"".join(bytes([n]) * size for n in range(64)))
     files = {"loopback_player": build / "loopback_player", "grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so", "footage": footage}
-    players = " ".join(f"/dev/video{n}=footage+{7000 * n}" for n in nodes)
-    script = STAMPS_SCRIPT.format(module=module(nodes), players=players, devices=" ".join(f"/dev/video{n}" for n in nodes), enough=frames // 2, **STAMPS)
-    result = vm.run_in_guest(kernel, files, script, 240, ("--icount", "--memory", "2048"))
+    players = " ".join(f"/dev/video{n}=/dev/shm/footage+{7000 * n}" for n in nodes)
+    script = STAMPS_SCRIPT.format(module=module(nodes), players=players, devices=" ".join(f"/dev/video{n}" for n in nodes), enough=FRAMES, rounds=ROUNDS, **STAMPS)
+    result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0, result.output
     written = collections.defaultdict(list)
     for line in result.text("written").splitlines():
@@ -110,7 +112,7 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
     files |= {"loopback_player": build / "loopback_player", "throwcald": build.parent / "throwcald", "throwcal": build.parent / "throwcal", "rig.toml": rig}
     players = " ".join(f"/dev/video{node}={name}.raw" for name, node in zip(names, nodes))
     script = FILM_SCRIPT.format(module=module(nodes), players=players, **FILM)
-    result = vm.run_in_guest(kernel, files, script, 400, ("--icount", "--memory", "2048"))
+    result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0 and "calibration.json" in result.files, result.output + str({k: v[-2000:] for k, v in result.files.items() if k != "written"})
     status, document = json.loads(result.text("status")), json.loads(result.text("calibration.json"))
     assert all(c["error"] is None and c["frames_dropped"] == 0 for c in status["cameras"]), status
