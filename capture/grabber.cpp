@@ -91,7 +91,7 @@ void Grabber::grab() {
     switch (outcome) {
       case Camera::Outcome::frame:
       case Camera::Outcome::damaged:
-        account(outcome, last ? frame.sequence - *last - 1 : 0);
+        account(outcome, last && frame.sequence > *last ? frame.sequence - *last - 1 : 0);
         last = frame.sequence;
         if (outcome == Camera::Outcome::frame) ring_.publish(frame);
         break;

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <system_error>
 #include <utility>
 
@@ -15,6 +16,15 @@ namespace {
 std::string reason(int code) { return std::generic_category().message(code); }
 
 }  // namespace
+
+std::string text_of(const std::uint8_t* characters, std::size_t most) {
+  const auto* text = reinterpret_cast<const char*>(characters);
+  return {text, strnlen(text, most)};
+}
+
+std::string size_text(std::uint32_t width, std::uint32_t height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
 
 bool DeviceError::is_gone() const { return code_ == ENODEV || code_ == ENXIO || code_ == ENOENT; }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -49,5 +49,10 @@ class V4l2Device {
   std::string path_;
   int fd_;
 };
+
+/// A driver's text: up to its end or `most` characters.
+std::string text_of(const std::uint8_t* characters, std::size_t most);
+/// "640x480".
+std::string size_text(std::uint32_t width_px, std::uint32_t height_px);
 
 }  // namespace throwcal

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -17,15 +16,6 @@
 
 namespace throwcal {
 namespace {
-
-std::string text_of(const std::uint8_t* characters, std::size_t most) {
-  const auto* text = reinterpret_cast<const char*>(characters);
-  return {text, strnlen(text, most)};
-}
-
-std::string size_text(std::uint32_t width, std::uint32_t height) {
-  return std::to_string(width) + "x" + std::to_string(height);
-}
 
 std::vector<double> rates(const V4l2Device& device, std::uint32_t fourcc, std::uint32_t width,
                           std::uint32_t height) {

@@ -6,10 +6,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cerrno>
-#include <charconv>
-#include <cstring>
 
 namespace throwcal {
 namespace {
@@ -27,15 +24,6 @@ constexpr std::array colour_first{V4L2_PIX_FMT_NV12,   V4L2_PIX_FMT_YUYV,   V4L2
                                   V4L2_PIX_FMT_GREY};
 
 bool is_multi_planar(std::uint32_t type) { return type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE; }
-
-std::string text_of(const std::uint8_t* characters, std::size_t most) {
-  const auto* text = reinterpret_cast<const char*>(characters);
-  return {text, strnlen(text, most)};
-}
-
-std::string size_text(std::uint32_t width, std::uint32_t height) {
-  return std::to_string(width) + "x" + std::to_string(height);
-}
 
 std::vector<std::uint32_t> offered_formats(const V4l2Device& device, std::uint32_t type) {
   std::vector<std::uint32_t> out;
