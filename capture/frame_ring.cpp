@@ -15,27 +15,42 @@ FrameRing::FrameRing(std::size_t frames, std::size_t slot_bytes)
     : memory_((frames + 1) * slot_bytes),
       slot_bytes_(slot_bytes),
       frames_(frames + 1),
-      waiting_(frames),
+      holders_(frames + 1),
       writers_(frames) {
   assert(frames > 0);
-  for (std::size_t slot = 0; slot < frames; ++slot) free_.push_back(slot);
+  in_order_.reserve(frames);
+  for (std::size_t slot = 0; slot < frames; ++slot) unused_.push_back(slot);
 }
 
 std::span<std::uint8_t> FrameRing::lease() {
   return {memory_.data() + writers_ * slot_bytes_, slot_bytes_};
 }
 
+/// Where in in_order_ the frame is that gives way to a new one.
+std::optional<std::size_t> FrameRing::oldest_unheld() const {
+  for (std::size_t i = 0; i < taken_; ++i)
+    if (holders_[in_order_[i]] == 0) return i;
+  return std::nullopt;
+}
+
 bool FrameRing::publish(const Frame& frame) {
   {
     const std::lock_guard lock(mutex_);
-    if (free_.empty() || closed_) {
-      dropped_ += !closed_;
+    if (closed_) return false;
+    std::size_t next = 0;
+    if (!unused_.empty()) {
+      next = unused_.back();
+      unused_.pop_back();
+    } else if (const auto oldest = oldest_unheld()) {
+      next = in_order_[*oldest];
+      in_order_.erase(in_order_.begin() + static_cast<std::ptrdiff_t>(*oldest));
+      --taken_;
+    } else {
+      ++dropped_;
       return false;
     }
     frames_[writers_] = frame;
-    waiting_[(first_waiting_ + waiting_count_++) % waiting_.size()] = writers_;
-    writers_ = free_.back();
-    free_.pop_back();
+    in_order_.push_back(std::exchange(writers_, next));
   }
   changed_.notify_all();
   return true;
@@ -43,17 +58,27 @@ bool FrameRing::publish(const Frame& frame) {
 
 std::optional<FrameLease> FrameRing::take() {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return waiting_count_ || closed_; });
-  if (!waiting_count_) return std::nullopt;
-  const std::size_t slot = waiting_[first_waiting_];
-  first_waiting_ = (first_waiting_ + 1) % waiting_.size();
-  --waiting_count_;
+  changed_.wait(lock, [this] { return taken_ < in_order_.size() || closed_; });
+  if (taken_ == in_order_.size()) return std::nullopt;
+  const std::size_t slot = in_order_[taken_++];
+  ++holders_[slot];
   return std::make_optional<FrameLease>(*this, slot);
+}
+
+std::vector<FrameLease> FrameRing::freeze(HostTime since) {
+  const std::lock_guard lock(mutex_);
+  std::vector<FrameLease> out;
+  for (const std::size_t slot : in_order_) {
+    if (frames_[slot].row0_mid_exposure < since) continue;
+    ++holders_[slot];
+    out.emplace_back(*this, slot);
+  }
+  return out;
 }
 
 bool FrameRing::wait_for_room() {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return !free_.empty() || closed_; });
+  changed_.wait(lock, [this] { return !unused_.empty() || oldest_unheld() || closed_; });
   return !closed_;
 }
 
@@ -69,10 +94,7 @@ void FrameRing::abandon() {
   {
     const std::lock_guard lock(mutex_);
     closed_ = true;
-    for (; waiting_count_; --waiting_count_) {
-      free_.push_back(waiting_[first_waiting_]);
-      first_waiting_ = (first_waiting_ + 1) % waiting_.size();
-    }
+    taken_ = in_order_.size();
   }
   changed_.notify_all();
 }
@@ -80,7 +102,7 @@ void FrameRing::abandon() {
 void FrameRing::release(std::size_t slot) {
   {
     const std::lock_guard lock(mutex_);
-    free_.push_back(slot);
+    --holders_[slot];
   }
   changed_.notify_all();
 }
