@@ -27,6 +27,10 @@ std::size_t slot_bytes(const Camera::Format& format) {
 
 }  // namespace
 
+std::size_t ring_bytes(const Camera::Format& format, std::size_t frames) {
+  return (frames + 1) * slot_bytes(format);
+}
+
 void name_this_thread(const std::string& camera, const std::string& task) {
   pthread_setname_np(pthread_self(), (camera.substr(0, 15 - task.size()) + task).c_str());
 }

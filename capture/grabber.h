@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "capture/camera.h"
 #include "capture/frame_ring.h"
@@ -22,6 +23,9 @@ struct GrabberStats {
   std::string error;                        ///< of a camera that runs: why there are no frames now
 };
 
+/// What a ring of so many frames takes.
+std::size_t ring_bytes(const Camera::Format& format, std::size_t frames);
+
 /// A camera's grabbing thread, named after it, and the ring that it fills.
 class Grabber {
  public:
@@ -33,6 +37,8 @@ class Grabber {
   /// The oldest frame not taken yet; waits for one. Nothing once the camera has ended, failed or
   /// been stopped, and all frames are taken. One thread.
   std::optional<FrameLease> take() { return ring_.take(); }
+  /// Every frame since then that the ring still has, taken or not, oldest first.
+  std::vector<FrameLease> freeze(HostTime since) { return ring_.freeze(since); }
   GrabberStats stats() const;         ///< thread-safe
   void fail(const std::string& why);  ///< thread-safe: the reader cannot go on, `why` is told
   void request_stop();                ///< thread-safe: take() returns nothing soon

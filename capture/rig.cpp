@@ -21,7 +21,7 @@ class Station {
   Station(std::unique_ptr<Camera> camera, const RigSettings& settings, SightingQueue& queue)
       : queue_(queue),
         detector_(camera->model(), settings.ball_diameter_m, settings.detector),
-        grabber_(std::move(camera), static_cast<std::size_t>(std::max(1, settings.ring_slots))) {
+        grabber_(std::move(camera), settings.ring_slots) {
     stats_.name = grabber_.camera().name();
   }
 

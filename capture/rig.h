@@ -16,8 +16,8 @@
 namespace throwcal {
 
 struct RigSettings {
-  int ring_slots = 32;      ///< frames a camera's ring holds
-  int queue_frames = 4096;  ///< frames' worth of sightings that may wait for the estimator
+  std::size_t ring_slots = 32;  ///< frames a camera's ring holds
+  int queue_frames = 4096;      ///< frames' worth of sightings that may wait for the estimator
   double ball_diameter_m = 0.0657;
   BallDetectorSettings detector{};
 };

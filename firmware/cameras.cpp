@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/cameras.h"
 
+#include <unistd.h>
+
 #include <chrono>
 #include <cstdlib>
 #include <opencv2/core/utils/logger.hpp>
@@ -24,6 +26,15 @@ void check_simulated(const Config& config, CameraId id, const SimulatedScene& sc
   if (camera.model.width_px != scene.settings().width_px ||
       camera.model.height_px != scene.settings().height_px)
     throw InputError(place + "width_px and height_px must be those of [simulation]");
+}
+
+std::size_t half_the_memory_bytes() {
+  return static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) / 2 *
+         static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+std::string megabytes(std::size_t bytes) {
+  return std::to_string((bytes + 500'000) / 1'000'000) + " MB";
 }
 
 }  // namespace
@@ -74,6 +85,34 @@ RigSettings rig_settings(const Config& config) {
   settings.queue_frames = queue_frames;
   settings.detector.ball_colour = config.ball_colour;
   return settings;
+}
+
+void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<Camera>>& cameras,
+                        const std::vector<std::size_t>& frames) {
+  const std::size_t most = config.frame_memory_bytes.value_or(half_the_memory_bytes());
+  std::size_t sum = 0;
+  std::string each;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera::Format format = cameras[i]->format();
+    const std::size_t bytes = ring_bytes(format, frames[i]);
+    sum += bytes;
+    each += (i ? ", " : "") + cameras[i]->name() + " " + std::to_string(frames[i]) + " of " +
+            std::to_string(format.width_px) + "x" + std::to_string(format.height_px) + " in " +
+            megabytes(bytes);
+  }
+  if (sum > most)
+    throw InputError("frames need " + megabytes(sum) + " of memory (" + each + "); expected " +
+                     megabytes(most) +
+                     " at most, by [daemon] frame_memory_mb or half of this machine's: film for "
+                     "less long, more slowly or smaller");
+}
+
+Rig open_rig(const Config& config) {
+  const RigSettings settings = rig_settings(config);
+  auto cameras = open_cameras(config);
+  check_frame_memory(config, cameras,
+                     std::vector<std::size_t>(cameras.size(), settings.ring_slots));
+  return Rig(std::move(cameras), settings);
 }
 
 }  // namespace throwcal

@@ -16,6 +16,18 @@ HostTime host_now();
 /// expected) or what the driver says.
 std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);
 
+/// What the detectors must know of the ball.
+RigSettings rig_settings(const Config& config);
+
+/// Rings of so many frames, a number each camera, fit into what frames may take: [daemon]
+/// frame_memory_mb, or half of the machine's memory. Throws InputError with the sum where they do
+/// not.
+void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<Camera>>& cameras,
+                        const std::vector<std::size_t>& frames);
+
+/// The rig file's cameras at work for the box, their rings within the memory.
+Rig open_rig(const Config& config);
+
 /// Keeps OpenCV and FFmpeg from printing of their own accord: what matters comes as an error with
 /// its place. Call first in main(), before any thread.
 void silence_video_libraries();
@@ -23,8 +35,5 @@ void silence_video_libraries();
 /// Where pictures are measured by our own detector: its shared error, in each camera for which the
 /// rig file states none.
 void assume_detector_errors(RigDescription& rig);
-
-/// What the detectors must know of the ball.
-RigSettings rig_settings(const Config& config);
 
 }  // namespace throwcal

@@ -251,6 +251,10 @@ void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& c
   }
   if (const auto state_dir = table.text("state_dir")) config.state_dir = folder / *state_dir;
   config.unit = table.text("unit").value_or("");
+  if (const auto s = table.number("pre_trigger_s", between(0, 60, "a number of seconds")))
+    config.pre_trigger = from_seconds(*s);
+  if (const auto mb = table.number("frame_memory_mb", between(1, 1e6, "a number of megabytes")))
+    config.frame_memory_bytes = static_cast<std::size_t>(1e6 * *mb);
   refuse_unread(table);
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -33,7 +34,10 @@ struct Config {
   SimulatedSceneSettings simulation;
   ListenAddress listen;
   std::optional<std::filesystem::path> state_dir;
-  std::string unit;                   ///< this box's name; empty: the host's
+  std::string unit;  ///< this box's name; empty: the host's
+  /// What was seen so long before the capture began belongs to it.
+  std::chrono::nanoseconds pre_trigger = std::chrono::seconds(5);
+  std::optional<std::size_t> frame_memory_bytes;  ///< that frames may take; default: see cameras.h
   std::vector<std::string> warnings;  ///< keys that nobody reads, "rig.toml:7: ..." each
 };
 

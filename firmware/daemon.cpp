@@ -52,7 +52,7 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
     : config_(config),
       settings_(std::move(settings)),
       store_(settings_.state_dir, config_.rig),
-      rig_(open_cameras(config_), rig_settings(config_)),
+      rig_(open_rig(config_)),
       session_(config_.rig.cameras.size()),
       link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
   add_methods(rpc_, *this);
@@ -68,7 +68,7 @@ Daemon::~Daemon() = default;
 void Daemon::run() {
   rig_.start();
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
-  estimator_.emplace(config_.rig, rig_, news_);
+  estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
   resume_unsolved();
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "firmware/cameras.h"
 
@@ -42,10 +43,12 @@ struct GivenUp {};
 
 }  // namespace
 
-EstimatorThread::EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news)
+EstimatorThread::EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news,
+                                 HostClock::duration pre_trigger)
     : description_(description),
       rig_(rig),
       news_(news),
+      pre_trigger_(pre_trigger),
       numbering_(description.cameras.size()),
       thread_([this](std::stop_token stop) { run(stop); }) {}
 
@@ -88,7 +91,7 @@ void EstimatorThread::run(std::stop_token stop) {
       wait_for_order(stop);
     } else if (auto frame = rig_.next(interrupt)) {
       numbering_.number(*frame);
-      take(*frame, stop);
+      search_ ? take(*frame, stop) : remember(std::move(*frame));
     } else if (!interrupt.stop_requested()) {
       cameras_ended_ = true;
       news_.post({.cameras_ended = true});
@@ -110,6 +113,8 @@ void EstimatorThread::obey(Order order, std::vector<Track> flights, std::stop_to
       search_.emplace(description_);
       calibrate_at_.reset();
       pause_ = {};
+      for (const FrameSightings& frame : std::exchange(remembered_, {}))
+        if (frame.time >= newest_ - pre_trigger_) take(frame, stop);
       return;
     case Order::finish:
       if (search_) finish_search(stop);
@@ -138,8 +143,13 @@ void EstimatorThread::finish_search(std::stop_token stop) {
   news_.post({.flights = search_->finish()});
 }
 
+void EstimatorThread::remember(FrameSightings frame) {
+  newest_ = std::max(newest_, frame.time);
+  remembered_.push_back(std::move(frame));
+  while (remembered_.front().time < newest_ - pre_trigger_) remembered_.pop_front();
+}
+
 void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {
-  if (!search_) return;
   if (std::vector<Track> flights = search_->add(frame); !flights.empty()) {
     news_.post({.flights = std::move(flights)});
     // Never put off: with many flights the next would always come before the pause is over.

@@ -2,6 +2,7 @@
 #pragma once
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -19,8 +20,10 @@ namespace throwcal {
 /// for flights in them, calibrates whenever there are new throws and posts what it found.
 class EstimatorThread {
  public:
-  /// Borrows rig and news for its life.
-  EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news);
+  /// Borrows rig and news for its life. `pre_trigger`: so much of what was seen before
+  /// begin_session() belongs to the session, unless another session had it.
+  EstimatorThread(const RigDescription& description, Rig& rig, NewsBox& news,
+                  HostClock::duration pre_trigger);
   ~EstimatorThread();  ///< stops and joins
 
   void begin_session();
@@ -40,12 +43,14 @@ class EstimatorThread {
   void wait_for_order(std::stop_token stop);
   void obey(Order order, std::vector<Track> flights, std::stop_token stop);
   void finish_search(std::stop_token stop);
+  void remember(FrameSightings frame);
   void take(const FrameSightings& frame, std::stop_token stop);
   void calibrate_now(std::stop_token stop, bool last);
 
   const RigDescription description_;
   Rig& rig_;
   NewsBox& news_;
+  const HostClock::duration pre_trigger_;
 
   std::mutex mutex_;  // guards orders_, has_ended_ and interrupt_
   std::condition_variable_any ordered_;
@@ -55,6 +60,8 @@ class EstimatorThread {
 
   // The thread's own:
   SightingNumbering numbering_;
+  std::deque<FrameSightings> remembered_;  // while there is no session: the last pre_trigger_
+  HostTime newest_{};                      // of a frame remembered
   std::optional<ThrowSearch> search_;
   std::optional<HostTime> calibrate_at_;  // when frames of that time arrive
   HostClock::duration pause_{};           // between two calibrations

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <poll.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
@@ -21,7 +25,9 @@ namespace {
 using namespace std::chrono_literals;
 
 /// Frames that a slow disk may be behind.
-constexpr std::size_t ring_slots = 64;
+constexpr std::size_t slack_frames = 64;
+/// Of a camera that does not say how many it gives a second.
+constexpr double fast_frames_per_s = 60.0;
 /// A camera's first frames are still finding their exposure.
 constexpr std::uint64_t frames_before_snapshot = 5;
 constexpr auto snapshot_patience = 10s;
@@ -30,6 +36,7 @@ struct RecordOptions {
   std::string rig, output;
   std::vector<std::string> cameras;  ///< names; none: all
   double seconds = 10.0;
+  double before_s = 0.0;  ///< above 0: waits for Enter, and keeps that much of before it
 };
 
 /// SIGINT and SIGTERM, kept from ending the program: what was filmed is to be saved.
@@ -54,7 +61,8 @@ class StopSignals {
 /// One camera at work, and who writes what it gives.
 class Reel {
  public:
-  explicit Reel(std::unique_ptr<Camera> camera) : grabber_(std::move(camera), ring_slots) {}
+  Reel(std::unique_ptr<Camera> camera, std::size_t ring_slots)
+      : grabber_(std::move(camera), ring_slots) {}
 
   const std::string& name() const { return grabber_.camera().name(); }
   Camera::Format format() const { return grabber_.camera().format(); }
@@ -62,20 +70,28 @@ class Reel {
   bool is_ended() const { return is_ended_; }
   GrabberStats stats() const { return grabber_.stats(); }
 
-  /// `take` is told each frame, in a thread of its own.
+  /// `take` is told each frame, in a thread of its own; none before keep_since().
   void start(std::function<void(const Frame&)> take) {
+    take_ = std::move(take);
     grabber_.start();
-    writer_ = std::thread([this, take = std::move(take)] {
+    writer_ = std::thread([this] {
       try {
+        bool is_kept = false;
         while (const auto lease = grabber_.take()) {
-          take(lease->frame());
-          ++frames_;
+          if (!has_start_) continue;
+          if (!std::exchange(is_kept, true)) give_those_before(lease->frame());
+          give(lease->frame());
         }
       } catch (const std::exception& error) {
         grabber_.fail(error.what());
       }
       is_ended_ = true;
     });
+  }
+  /// From then on, as far as the ring has it still, frames are to be taken. Thread-safe.
+  void keep_since(HostTime start) {
+    start_ = start;
+    has_start_ = true;
   }
   void stop() {
     grabber_.request_stop();
@@ -84,7 +100,23 @@ class Reel {
   }
 
  private:
+  void give(const Frame& frame) {
+    take_(frame);
+    ++frames_;
+  }
+  /// Each goes back to the ring as soon as it is written: the camera needs the room.
+  void give_those_before(const Frame& frame) {
+    for (FrameLease& frozen : grabber_.freeze(start_)) {
+      const FrameLease lease = std::move(frozen);
+      if (lease.frame().row0_mid_exposure >= frame.row0_mid_exposure) return;
+      give(lease.frame());
+    }
+  }
+
   Grabber grabber_;
+  std::function<void(const Frame&)> take_;
+  HostTime start_{};
+  std::atomic<bool> has_start_ = false;  ///< orders start_
   std::atomic<std::uint64_t> frames_ = 0;
   std::atomic<bool> is_ended_ = false;
   std::thread writer_;
@@ -94,10 +126,20 @@ std::vector<std::unique_ptr<Reel>> reels_of(const RecordOptions& options, const 
   for (const std::string& name : options.cameras)
     if (std::ranges::none_of(config.rig.cameras, [&](const auto& c) { return c.name == name; }))
       throw InputError("--camera: \"" + name + "\" is not in the rig file");
+  auto cameras = open_cameras(config);
+  std::erase_if(cameras, [&](const auto& camera) {
+    return !options.cameras.empty() && !std::ranges::count(options.cameras, camera->name());
+  });
+  std::vector<std::size_t> frames;
+  for (const auto& camera : cameras) {
+    const double rate = camera->format().frames_per_s;
+    frames.push_back(slack_frames + static_cast<std::size_t>(std::ceil(
+                                        options.before_s * (rate > 0 ? rate : fast_frames_per_s))));
+  }
+  check_frame_memory(config, cameras, frames);
   std::vector<std::unique_ptr<Reel>> out;
-  for (auto& camera : open_cameras(config))
-    if (options.cameras.empty() || std::ranges::count(options.cameras, camera->name()))
-      out.push_back(std::make_unique<Reel>(std::move(camera)));
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    out.push_back(std::make_unique<Reel>(std::move(cameras[i]), frames[i]));
   return out;
 }
 
@@ -109,6 +151,18 @@ void make_folder(const std::string& path) {
 
 bool all_ended(const std::vector<std::unique_ptr<Reel>>& reels) {
   return std::ranges::all_of(reels, [](const auto& reel) { return reel->is_ended(); });
+}
+
+/// Until a line or the end of standard input comes; false where a signal does.
+bool wait_for_enter(const StopSignals& signals) {
+  for (;;) {
+    pollfd input{STDIN_FILENO, POLLIN, 0};
+    if (poll(&input, 1, 0) > 0) {
+      char text[256];
+      return read(STDIN_FILENO, text, sizeof text) >= 0;
+    }
+    if (signals.came_within(50ms)) return false;
+  }
 }
 
 /// What each camera gave; false where one failed.
@@ -140,8 +194,17 @@ int record(const RecordOptions& options) {
     const auto path = std::filesystem::path(options.output) / (reel->name() + ".mkv");
     files.push_back(std::make_unique<VideoFile>(path, reel->format()));
   }
-  for (std::size_t i = 0; i < reels.size(); ++i)
+  for (std::size_t i = 0; i < reels.size(); ++i) {
+    if (options.before_s == 0) reels[i]->keep_since(HostTime::min());
     reels[i]->start([&file = *files[i]](const Frame& frame) { file.write(frame); });
+  }
+  if (options.before_s > 0) {
+    std::fprintf(stderr, "standing by: press Enter to keep the last %g s and film %g s more\n",
+                 options.before_s, options.seconds);
+    if (!wait_for_enter(signals)) return exit_failed;
+    const HostTime since = host_now() - from_seconds(options.before_s);
+    for (auto& reel : reels) reel->keep_since(since);
+  }
   {
     ProgressBar bar("filming");
     const auto began = std::chrono::steady_clock::now();
@@ -166,7 +229,8 @@ int snapshot(const RecordOptions& options) {
   make_folder(options.output);
   auto reels = reels_of(options, config);
   std::vector<std::atomic<bool>> is_taken(reels.size());
-  for (std::size_t i = 0; i < reels.size(); ++i)
+  for (std::size_t i = 0; i < reels.size(); ++i) {
+    reels[i]->keep_since(HostTime::min());
     reels[i]->start([&, i, left = frames_before_snapshot](const Frame& frame) mutable {
       if (is_taken[i] || left-- > 0) return;
       cv::Mat memory;
@@ -175,6 +239,7 @@ int snapshot(const RecordOptions& options) {
         throw InputError(path.string() + ": can't be written");
       is_taken[i] = true;
     });
+  }
   const auto end = std::chrono::steady_clock::now() + snapshot_patience;
   const auto is_open = [](const std::atomic<bool>& taken) { return !taken; };
   while (std::ranges::any_of(is_taken, is_open) && !all_ended(reels) &&
@@ -214,6 +279,11 @@ void add_record_commands(CLI::App& app, int& status) {
   film->add_option("--seconds", options->seconds, "How long; Ctrl-C ends it sooner and saves")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
+  film->add_option(
+          "--before", options->before_s,
+          "Stand by until Enter, then keep what was seen so many seconds before, too: press "
+          "it after the throw")
+      ->check(CLI::Range(0.0, 600.0));
   film->footer(
       "Example:\n  throwcal record --rig rig.toml --output films --seconds 30\n"
       "  throwcal calibrate --rig rig.toml --video north=films/north.mkv "

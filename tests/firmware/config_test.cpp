@@ -54,6 +54,16 @@ std::string north_with(const std::string& line, const std::string& in_place_of) 
   return text.replace(text.find(in_place_of), in_place_of.size(), line);
 }
 
+TEST(Config, SaysHowMuchIsKeptOfBeforeTheCapture) {
+  EXPECT_EQ(parsed(north + east).pre_trigger, std::chrono::seconds(5));
+  const Config config =
+      parsed("[daemon]\npre_trigger_s = 0.5\nframe_memory_mb = 64\n" + north + east);
+  EXPECT_EQ(config.pre_trigger, std::chrono::milliseconds(500));
+  EXPECT_EQ(config.frame_memory_bytes, 64000000u);
+  EXPECT_EQ(error_of("[daemon]\npre_trigger_s = 61\n" + north + east),
+            "rig.toml:2: [daemon] pre_trigger_s must be a number of seconds from 0 to 60, got 61");
+}
+
 TEST(Config, ABallMayHaveAColour) {
   EXPECT_FALSE(parsed(north + east).ball_colour);
   EXPECT_EQ(parsed("[ball]\ncolor = \"#D7eb5a\"\n" + north + east).ball_colour,

@@ -59,6 +59,23 @@ def ctrl_c_saves_what_was_filmed(build: pathlib.Path, folder: pathlib.Path) -> N
     assert not (folder / "short" / "cam1.mkv").exists()
 
 
+def enter_after_the_throw_still_has_it(build: pathlib.Path, folder: pathlib.Path) -> None:
+    command = [build / "throwcal", "record", "--rig", folder / "rig.toml", "--output", folder / "before", "--before", "2", "--seconds", "0.3"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as filming:
+        assert "press Enter" in filming.stderr.readline()
+        time.sleep(4)  # what is to be filmed happens
+        pressed = time.clock_gettime(time.CLOCK_MONOTONIC)
+        out, err = filming.communicate("\n", timeout=60)
+    assert filming.returncode == 0 and err == "", (filming.returncode, out, err)
+    for name in ("cam1", "cam2"):
+        film = folder / "before" / f"{name}.mkv"
+        times = times_of(film)
+        assert len(times) == frames_of(build, film)
+        steps = [b - a for a, b in zip(times, times[1:])]
+        assert min(steps) > 1, "no frame twice"
+        assert times[-1] - times[0] > 1900, (times[0], times[-1], pressed)
+
+
 def a_snapshot_is_a_picture(build: pathlib.Path, folder: pathlib.Path) -> None:
     done = throwcal(build, "snapshot", "--rig", folder / "rig.toml", "--output", folder / "pictures")
     assert done.returncode == 0 and done.stdout.count(".png\n") == 2, done
@@ -72,6 +89,12 @@ def what_is_wrong_is_said(build: pathlib.Path, folder: pathlib.Path) -> None:
     for name, source in (("gone", "v4l2:/dev/video99"), ("null", "v4l2:/dev/null"), ("file", "file:no.mkv")):
         (folder / f"{name}.toml").write_text(rig.replace('source = "simulated"', f'source = "{source}"', 1))
     (folder / "taken").write_text("")
+    (folder / "small.toml").write_text(rig.replace("[daemon]", "[daemon]\nframe_memory_mb = 3"))
+    films = throwcal(build, "record", "--rig", folder / "small.toml", "--output", folder / "x", "--before", "10")
+    assert films.returncode == 2 and films.stderr == (
+        "throwcal: frames need 14 MB of memory (cam1 364 of 160x120 in 7 MB, cam2 364 of 160x120 in 7 MB); expected 3 MB at most, by [daemon] "
+        "frame_memory_mb or half of this machine's: film for less long, more slowly or smaller\n"
+    ), films
     for arguments, message in [(["--rig", folder / "gone.toml", "--output", folder / "x"], "camera cam1: /dev/video99: No such file or directory"),
                                (["--rig", folder / "null.toml", "--output", folder / "x"], "camera cam1: /dev/null: is no V4L2 device"),
                                (["--rig", folder / "file.toml", "--output", folder / "x"], "no.mkv: no such video file"),
@@ -90,6 +113,7 @@ def main() -> None:
         box.simulate(build, folder, "--cameras", "2", "--width", "160", "--height", "120", "--focal", "120", "--fps", "30")
         films_have_a_time_for_each_frame(build, folder)
         ctrl_c_saves_what_was_filmed(build, folder)
+        enter_after_the_throw_still_has_it(build, folder)
         a_snapshot_is_a_picture(build, folder)
         what_is_wrong_is_said(build, folder)
 

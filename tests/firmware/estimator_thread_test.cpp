@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/estimator_thread.h"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include "capture/camera_factory.h"
+
+namespace throwcal {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double scene_s = 6.0;
+
+/// Two simulated cameras, as fast as they are looked at, that end after two throws.
+std::vector<std::unique_ptr<Camera>> cameras_of(
+    const std::shared_ptr<const SimulatedScene>& scene) {
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (CameraId id = 0; id < 2; ++id) {
+    CameraSource source;
+    source.id = id;
+    source.name = "cam" + std::to_string(id + 1);
+    source.source = "simulated";
+    source.model = scene->rig().cameras.at(id).model;
+    source.scene = scene;
+    source.paced = false;
+    source.scene_end_s = scene_s;
+    cameras.push_back(make_camera(source));
+  }
+  return cameras;
+}
+
+News wait_for(NewsBox& box) {
+  pollfd news{box.fd(), POLLIN, 0};
+  EXPECT_EQ(poll(&news, 1, 60'000), 1) << "no news within a minute";
+  return box.take();
+}
+
+/// The flights of a session that begins and ends now.
+std::size_t flights_of_a_session(EstimatorThread& estimator, NewsBox& box) {
+  estimator.begin_session();
+  estimator.finish_session();
+  std::size_t flights = 0;
+  for (;;) {
+    const News news = wait_for(box);
+    flights += news.flights.size();
+    if (news.solved) return flights;
+  }
+}
+
+/// Sessions that begin only when all has been seen, one after the other.
+std::vector<std::size_t> flights_seen_before(HostClock::duration pre_trigger, int sessions) {
+  const auto scene = std::make_shared<const SimulatedScene>(SimulatedSceneSettings{
+      .seed = 2, .cameras = 2, .width_px = 320, .height_px = 240, .focal_px = 240});
+  Rig rig(cameras_of(scene), {});
+  NewsBox box;
+  EstimatorThread estimator(scene->rig(), rig, box, pre_trigger);
+  rig.start();
+  while (!wait_for(box).cameras_ended) {
+  }
+  std::vector<std::size_t> flights;
+  for (int i = 0; i < sessions; ++i) flights.push_back(flights_of_a_session(estimator, box));
+  return flights;
+}
+
+TEST(EstimatorThread, AThrowBeforeTheCaptureBeganBelongsToItOnce) {
+  const auto flights = flights_seen_before(10s, 2);
+  EXPECT_GE(flights[0], 2u);
+  EXPECT_EQ(flights[1], 0u) << "another session had them";
+}
+
+TEST(EstimatorThread, WhatWasSeenLongBeforeTheCaptureDoesNotCount) {
+  EXPECT_EQ(flights_seen_before(0s, 1).at(0), 0u);
+}
+
+}  // namespace
+}  // namespace throwcal
