@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
+#include "capture/camera_identity.h"
+#include "capture/device_wishes.h"
 #include "capture/frame.h"
+#include "capture/usb_load.h"
 #include "estimator/camera_model.h"
 
 namespace throwcal {
@@ -35,6 +39,12 @@ class Camera {
   virtual void
   interrupt() = 0;  ///< thread-safe: makes a waiting next() return `interrupted`, at once
   virtual std::string error() const { return {}; }
+
+  // Of a real device, thread-safe:
+  virtual CameraIdentity identity() const { return {}; }
+  virtual PictureSettings settings() const { return {}; }
+  /// Nothing where it is on no USB bus.
+  virtual std::optional<UsbStream> usb_stream() const { return {}; }
 };
 
 }  // namespace throwcal

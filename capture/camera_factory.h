@@ -2,18 +2,18 @@
 #pragma once
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "capture/camera.h"
+#include "capture/device_wishes.h"
 #include "capture/simulated_scene.h"
 #include "estimator/camera_model.h"
 
 namespace throwcal {
 
-/// What is wanted of a V4L2 camera beside its picture's size.
-struct V4l2Wishes {
-  double frames_per_s = 0.0;    ///< 0: as the driver is set
-  std::string fourcc;           ///< "YUYV"; empty: the cheapest that serves
-  std::string input, standard;  ///< of an analog card: "Composite 0", "PAL"; empty: as it is set
+/// Which serial number the rig has under which name.
+struct NamedSerial {
+  std::string serial, camera;
 };
 
 /// What a camera's `source` key means: "simulated", "video:PATH" (PATH.timestamps.txt beside it
@@ -22,7 +22,11 @@ struct CameraSource {
   CameraId id = 0;
   std::string name, source;
   CameraModel model;
-  V4l2Wishes v4l2{};
+  DeviceWishes device{};
+  /// A device that is not there is waited for, and another in its place told by the camera's
+  /// error(); else make_camera() throws.
+  bool may_be_missing = false;
+  std::vector<NamedSerial> others{};  ///< to name it where cables are swapped
   bool colour = false;  ///< deliver colour where there is any; else the luma is enough
   bool paced = true;    ///< deliver frames when they are due; false: as fast as they are taken
   std::shared_ptr<const SimulatedScene>

@@ -26,14 +26,16 @@ class EventFlag {
     [[maybe_unused]] const auto written = write(fd_, &one, sizeof one);  // full is set, too
   }
 
-  enum class Woken { by_flag, by_device, by_time };
-  /// Waits for the flag, for `device` to be readable or broken (-1: none), or for the time.
+  enum class Woken { by_flag, by_device, by_event, by_time };
+  /// Waits for the flag, for `device` to be readable or broken (-1: none) or to tell an event, or
+  /// for the time.
   Woken wait(int device, std::chrono::milliseconds most) const {
-    pollfd waits[]{{fd_, POLLIN, 0}, {device, POLLIN, 0}};
+    pollfd waits[]{{fd_, POLLIN, 0}, {device, POLLIN | POLLPRI, 0}};
     int ready;
     do ready = poll(waits, 2, static_cast<int>(most.count()));
     while (ready < 0 && errno == EINTR);
     if (waits[0].revents) return Woken::by_flag;
+    if (waits[1].revents & POLLPRI && !(waits[1].revents & POLLERR)) return Woken::by_event;
     return ready > 0 ? Woken::by_device : Woken::by_time;
   }
 

@@ -56,6 +56,8 @@ class Station {
     CameraStats now = stats_;
     static_cast<GrabberStats&>(now) = grabber_.stats();
     now.running = stats_.running;
+    now.identity = grabber_.camera().identity();
+    now.settings = grabber_.camera().settings();
     return now;
   }
 

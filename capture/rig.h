@@ -32,6 +32,8 @@ struct CameraStats : GrabberStats {
   TimestampSource timestamp_source = TimestampSource::unknown;  ///< of the last frame
   double time_sigma_s = 0.0;                                    ///< likewise
   double frames_per_s = 0.0;                                    ///< over the last second or so
+  CameraIdentity identity;
+  PictureSettings settings;
 };
 
 /// The deep face of capture/: owns the cameras, their rings, detectors and threads (one a camera,

@@ -4,8 +4,12 @@
 #include <linux/videodev2.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <utility>
+
+#include "capture/usb_device.h"
 
 namespace throwcal {
 namespace {
@@ -36,37 +40,59 @@ std::size_t bytes_a_pixel(PixelFormat format) {
   return format == PixelFormat::yuyv ? 2 : 1;
 }
 
+/// At the port is another camera than belongs there.
+struct WrongCamera : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Whether somebody may put it right while the box runs.
+bool passes(const std::runtime_error& error) {
+  if (dynamic_cast<const WrongCamera*>(&error)) return true;
+  const auto* device = dynamic_cast<const DeviceError*>(&error);
+  return device && (device->is_gone() || device->is_busy());
+}
+
+CameraIdentity identity_of(const V4l2Format& given, const std::string& path) {
+  CameraIdentity out = usb_identity(path);
+  out.port = given.bus.empty() ? path : given.bus;
+  if (out.model.empty()) out.model = given.card;
+  char rate[32];
+  std::snprintf(rate, sizeof rate, " at %.4g/s", given.frames_per_s);
+  out.mode = size_text(given.width_px, given.height_px) + ' ' + fourcc_text(given.fourcc) +
+             (given.frames_per_s > 0 ? rate : "");
+  return out;
+}
+
 }  // namespace
 
 V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
     : source_(source), path_(std::move(path)), clock_(0, 0, 0) {
+  // Of one that is missing: whatever it will give fits into this.
+  format_ = {source_.model.width_px, source_.model.height_px,
+             source_.colour ? PixelFormat::bgr : PixelFormat::grey, source_.device.frames_per_s};
   try {
-    stream_ = std::make_unique<V4l2Stream>(path_, request());
+    open();
+    format_ = {stream_->format().width_px, picture_->height_px(), pixels_,
+               field_interval_s_ > 0 ? 1 / field_interval_s_ : 0.0};
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error("camera " + source_.name + ": " + error.what());
+    if (!source_.may_be_missing || !passes(error))
+      throw std::runtime_error("camera " + source_.name + ": " + error.what());
+    error_ = error.what();
   }
-  const V4l2Format& given = stream_->format();
-  picture_.emplace(given, source_.colour);
-  const double fields = given.fields == Fields::progressive ? 1.0 : 2.0;
-  format_ = {given.width_px, picture_->height_px(), picture_->format(),
-             fields * given.frames_per_s};
-  clock_ = clock();
 }
 
 V4l2Request V4l2Camera::request() const {
-  return {.width_px = source_.model.width_px,
-          .height_px = source_.model.height_px,
-          .frames_per_s = source_.v4l2.frames_per_s,
-          .colour = source_.colour,
-          .fourcc = source_.v4l2.fourcc,
-          .input = source_.v4l2.input,
-          .standard = source_.v4l2.standard};
+  return {source_.model.width_px, source_.model.height_px, source_.colour, source_.device};
 }
 
-FrameClock V4l2Camera::clock() const {
-  const double frames_per_s = stream_->format().frames_per_s;
-  const double interval_s = frames_per_s > 0 ? 1 / frames_per_s : 0.0;
-  return {interval_s, 0.0, source_.model.row_time_s * source_.model.height_px};
+CameraIdentity V4l2Camera::identity() const {
+  const std::lock_guard lock(mutex_);
+  return identity_;
+}
+
+PictureSettings V4l2Camera::settings() const {
+  const std::lock_guard lock(mutex_);
+  return settings_;
 }
 
 Camera::Outcome V4l2Camera::lost(std::string why) {
@@ -77,46 +103,106 @@ Camera::Outcome V4l2Camera::lost(std::string why) {
   return Outcome::lost;
 }
 
-bool V4l2Camera::open() {
-  try {
-    auto stream = std::make_unique<V4l2Stream>(path_, request());
-    RawPicture picture(stream->format(), source_.colour);
-    if (picture.format() != format_.format) throw std::runtime_error(path_ + ": is another camera");
-    stream_ = std::move(stream);
-    picture_ = std::move(picture);
-  } catch (const std::runtime_error& error) {
-    error_ = error.what();
-    return false;
-  }
+/// Throws where it can't be had, or is another camera than is wanted or was here before.
+void V4l2Camera::open() {
+  auto stream = std::make_unique<V4l2Stream>(path_, request());
+  const V4l2Format& given = stream->format();
+  const CameraIdentity found = identity_of(given, path_);
+  check(found);
+  RawPicture picture(given, source_.colour);
+  check_pixels(picture.format());
+  pixels_ = picture.format();
+  const double frame_s = given.frames_per_s > 0 ? 1 / given.frames_per_s : 0.0;
+  field_interval_s_ = given.fields == Fields::progressive ? frame_s : frame_s / 2;
+  clock_ = FrameClock(frame_s, stream->settings().exposure_s.value_or(0.0),
+                      source_.model.row_time_s * source_.model.height_px);
   sequence_.restart();
-  clock_.restart();
-  return true;
+  stream_ = std::move(stream);
+  picture_ = std::move(picture);
+  const std::lock_guard lock(mutex_);
+  identity_ = found;
+  const int set_back = settings_.set_back;
+  settings_ = stream_->settings();
+  settings_.set_back += set_back;
+}
+
+void V4l2Camera::check(const CameraIdentity& found) const {
+  const auto& [port, model, serial, mode] = identity_;
+  const DeviceWishes& wanted = source_.device;
+  const CameraIdentity expected{.port = {},
+                                .model = wanted.model.empty() ? model : wanted.model,
+                                .serial = wanted.serial.empty() ? serial : wanted.serial,
+                                .mode = {}};
+  if ((expected.model.empty() || expected.model == found.model) &&
+      (expected.serial.empty() || expected.serial == found.serial))
+    return;
+  std::string whose;
+  for (const NamedSerial& other : source_.others)
+    if (other.serial == found.serial && !found.serial.empty())
+      whose = ", which the rig file calls \"" + other.camera + "\": the cables are swapped";
+  throw WrongCamera(path_ + ": here is " + description(found) + whose + "; expected " +
+                    description(expected));
+}
+
+/// The ring's slots are made; what they are to hold can't change.
+void V4l2Camera::check_pixels(PixelFormat found) const {
+  const bool is_first = identity().port.empty();
+  if (!is_first && found != pixels_) throw WrongCamera(path_ + ": gives other pixels than before");
+}
+
+std::optional<UsbStream> V4l2Camera::usb_stream() const {
+  const auto usb = usb_device_of(path_);
+  if (!usb || !stream_) return std::nullopt;
+  const V4l2Format& given = stream_->format();
+  const double bytes = is_compressed(given.fourcc) ? 0.0 : static_cast<double>(given.least_bytes);
+  return UsbStream{source_.name, usb->segment(), usb->speed_mbps(),
+                   1e-6 * bytes * given.frames_per_s};
+}
+
+std::string V4l2Camera::stream_error(const DeviceError& error) const {
+  if (error.is_gone()) return path_ + ": was unplugged";
+  if (error.code() != ENOSPC) return error.what();
+  const auto usb = usb_stream();
+  return path_ + ": " + (usb ? usb->segment : "its bus") +
+         " has no room left for its pictures: " + usb_remedy;
+}
+
+void V4l2Camera::adopt_settings() {
+  const std::lock_guard lock(mutex_);
+  settings_.set_back += stream_->restore_controls();
 }
 
 Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
   if (!stream_) {
     if (interrupted_.wait(-1, retry_period) == EventFlag::Woken::by_flag)
       return Outcome::interrupted;
-    if (!open()) return Outcome::lost;
+    try {
+      open();
+    } catch (const std::runtime_error& error) {
+      return lost(error.what());
+    }
   }
   try {
     if (const auto second = std::exchange(half_, std::nullopt))
       return give(*second, true, slot, frame);
     if (!std::exchange(is_streaming_, true)) stream_->start();
-    for (int idle = 0; idle < max_idle_wakes; ++idle) {
+    for (int idle = 0; idle < max_idle_wakes;) {
       switch (interrupted_.wait(stream_->fd(), patience)) {
         case EventFlag::Woken::by_flag:
           return Outcome::interrupted;
         case EventFlag::Woken::by_time:
           return lost(path_ + ": no frame for 2 s; is its signal there?");
-        case EventFlag::Woken::by_device:
+        case EventFlag::Woken::by_event:
+          adopt_settings();
           break;
+        case EventFlag::Woken::by_device:
+          ++idle;
       }
       if (const auto buffer = stream_->dequeue()) return take(*buffer, slot, frame);
     }
     return lost(path_ + ": reports an error without a name");
   } catch (const DeviceError& error) {
-    return lost(error.is_gone() ? path_ + ": was unplugged" : error.what());
+    return lost(stream_error(error));
   }
 }
 
@@ -158,16 +244,15 @@ Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_secon
     const bool is_stamps =
         moment_.source == TimestampSource::start_of_exposure ? !is_second : is_second;
     if (given.fields == Fields::interlaced && !is_stamps)
-      frame.row0_mid_exposure += (is_second ? 1 : -1) * from_seconds(1 / format_.frames_per_s);
+      frame.row0_mid_exposure += (is_second ? 1 : -1) * from_seconds(field_interval_s_);
   }
   if (!half_) stream_->requeue(buffer);
   frame.timestamp_source = moment_.source;
   frame.time_sigma = moment_.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);
-  frame.exposure = {};
+  frame.exposure = from_seconds(stream_->settings().exposure_s.value_or(0.0));
   frame.image = {slot.data(), format_.width_px, format_.height_px,
-                 static_cast<std::size_t>(format_.width_px) * bytes_a_pixel(format_.format),
-                 format_.format};
+                 static_cast<std::size_t>(format_.width_px) * bytes_a_pixel(pixels_), pixels_};
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -15,11 +16,12 @@
 namespace throwcal {
 
 /// A camera behind the kernel's V4L2, by the path of its device. Where it is unplugged, or does not
-/// start, it is tried again four times a second until it is back; `lost` says so meanwhile.
+/// start, it is tried again four times a second until it is back, and it must be the same one;
+/// `lost` says so meanwhile.
 class V4l2Camera : public Camera {
  public:
-  /// Opens the device once, to know what it gives. Throws std::runtime_error: the camera, the
-  /// device, what was asked and what there is.
+  /// Opens the device, to know what it gives. Throws std::runtime_error: the camera, the device,
+  /// what was asked and what there is; of a device that is not there only unless it may be missing.
   V4l2Camera(const CameraSource& source, std::string path);
 
   const std::string& name() const override { return source_.name; }
@@ -29,19 +31,30 @@ class V4l2Camera : public Camera {
   Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
   void interrupt() override { interrupted_.set(); }
   std::string error() const override { return error_; }
+  CameraIdentity identity() const override;
+  PictureSettings settings() const override;
+  std::optional<UsbStream> usb_stream() const override;
 
  private:
   V4l2Request request() const;
-  bool open();
+  void open();
+  void check(const CameraIdentity& found) const;
+  void check_pixels(PixelFormat found) const;
+  void adopt_settings();
+  std::string stream_error(const DeviceError& error) const;
   Outcome lost(std::string why);
   Outcome take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot, Frame& frame);
   Outcome give(const V4l2Stream::Buffer& buffer, bool is_second, std::span<std::uint8_t> slot,
                Frame& frame);
-  FrameClock clock() const;
 
   CameraSource source_;
   std::string path_, error_;
   Format format_;
+  PixelFormat pixels_ = PixelFormat::grey;  ///< of the frames
+  double field_interval_s_ = 0.0;
+  mutable std::mutex mutex_;  ///< guards the next two
+  CameraIdentity identity_;
+  PictureSettings settings_;
   EventFlag interrupted_;
   std::unique_ptr<V4l2Stream> stream_;
   bool is_streaming_ = false;

@@ -27,6 +27,7 @@ std::string size_text(std::uint32_t width, std::uint32_t height) {
 }
 
 bool DeviceError::is_gone() const { return code_ == ENODEV || code_ == ENXIO || code_ == ENOENT; }
+bool DeviceError::is_busy() const { return code_ == EBUSY; }
 
 V4l2Device::V4l2Device(const std::string& path)
     : path_(path), fd_(open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC)) {

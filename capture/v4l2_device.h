@@ -15,6 +15,7 @@ class DeviceError : public std::runtime_error {
   int code() const { return code_; }  ///< errno
   /// The device went away: unplugged, or its driver unbound.
   bool is_gone() const;
+  bool is_busy() const;  ///< another program has it
 
  private:
   int code_;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "capture/camera_identity.h"
 #include "capture/v4l2_device.h"
 #include "capture/v4l2_stream.h"
 
@@ -79,7 +80,7 @@ std::vector<std::string> inputs(const V4l2Device& device) {
 std::string by_path(const std::filesystem::path& device) {
   std::error_code error;
   for (const auto& link : std::filesystem::directory_iterator("/dev/v4l/by-path", error))
-    if (std::filesystem::equivalent(link.path(), device, error)) return link.path().string();
+    if (std::filesystem::canonical(link.path(), error) == device) return link.path().string();
   return {};
 }
 
@@ -102,6 +103,8 @@ std::optional<V4l2Listing> listing(const std::string& path) {
     out.offers = offers(
         device, is_multi_planar ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE);
     out.inputs = inputs(device);
+    out.serial = usb_identity(path).serial;
+    out.controls = list_controls(device);
     if (out.offers.empty())
       out.problem = "offers no picture format: nothing feeds it, or its cable is off";
     else if (std::ranges::none_of(out.offers, &V4l2Offer::is_read))

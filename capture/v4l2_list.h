@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "capture/v4l2_controls.h"
+
 namespace throwcal {
 
 /// A size that a camera offers in one pixel format.
@@ -22,9 +24,11 @@ struct V4l2Listing {
   std::string device;   ///< "/dev/video0"
   std::string by_path;  ///< by the port it is plugged into: stays when others come and go; or empty
   std::string card, driver, bus;
+  std::string serial;  ///< empty: it has none
   std::vector<V4l2Offer> offers;
-  std::vector<std::string> inputs;  ///< of a card with several
-  std::string problem;              ///< why it cannot be used or asked; empty: nothing is wrong
+  std::vector<std::string> inputs;    ///< of a card with several
+  std::vector<V4l2Control> controls;  ///< of its pictures
+  std::string problem;                ///< why it cannot be used or asked; empty: nothing is wrong
 };
 
 /// All of /dev/video*, in order; what captures no pictures is left out.

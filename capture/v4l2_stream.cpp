@@ -82,11 +82,15 @@ bool is_top_first(std::uint32_t field, v4l2_std_id standard) {
 /// What a whole picture has at least: drivers pad, and a compressed one has any size.
 std::size_t least_bytes(const V4l2Format& format) {
   const std::size_t rows = static_cast<std::size_t>(format.height_px);
-  if (format.fourcc == V4L2_PIX_FMT_MJPEG || format.fourcc == V4L2_PIX_FMT_JPEG) return 1;
+  if (is_compressed(format.fourcc)) return 1;
   return format.stride_bytes * (format.fourcc == V4L2_PIX_FMT_NV12 ? rows + rows / 2 : rows);
 }
 
 }  // namespace
+
+bool is_compressed(std::uint32_t fourcc) {
+  return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
+}
 
 bool is_read_format(std::uint32_t fourcc) { return std::ranges::count(grey_first, fourcc) > 0; }
 
@@ -117,6 +121,7 @@ V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : de
   choose_input(request);
   negotiate(request);
   set_rate(request);
+  controls_.emplace(device_, request.device.picture);
   try {
     map_buffers();
   } catch (...) {
@@ -125,7 +130,10 @@ V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : de
   }
 }
 
-void V4l2Stream::start() { device_.command(VIDIOC_STREAMON, type_, "VIDIOC_STREAMON"); }
+void V4l2Stream::start() {
+  device_.command(VIDIOC_STREAMON, type_, "VIDIOC_STREAMON");
+  controls_->restore();  // some cameras begin a stream with numbers of their own
+}
 
 V4l2Stream::~V4l2Stream() {
   device_.try_command(VIDIOC_STREAMOFF, type_);  // of a device that is gone it fails: no matter
@@ -133,25 +141,25 @@ V4l2Stream::~V4l2Stream() {
 }
 
 void V4l2Stream::choose_input(const V4l2Request& request) {
-  if (!request.input.empty()) {
+  if (!request.device.input.empty()) {
     std::string known;
     v4l2_input entry{};
     int found = -1;
     for (; device_.try_command(VIDIOC_ENUMINPUT, entry); ++entry.index) {
       const std::string name = text_of(entry.name, sizeof entry.name);
       known += (known.empty() ? "" : ", ") + std::to_string(entry.index) + " \"" + name + "\"";
-      if (request.input == name || request.input == std::to_string(entry.index))
+      if (request.device.input == name || request.device.input == std::to_string(entry.index))
         found = static_cast<int>(entry.index);
     }
     if (found < 0)
-      throw std::runtime_error(device_.path() + ": has no input \"" + request.input +
+      throw std::runtime_error(device_.path() + ": has no input \"" + request.device.input +
                                "\"; expected one of " + known);
     device_.command(VIDIOC_S_INPUT, found, "VIDIOC_S_INPUT");
   }
-  if (!request.standard.empty()) {
-    v4l2_std_id standard = request.standard == "PAL"    ? V4L2_STD_PAL
-                           : request.standard == "NTSC" ? V4L2_STD_NTSC
-                                                        : V4L2_STD_SECAM;
+  if (!request.device.standard.empty()) {
+    v4l2_std_id standard = request.device.standard == "PAL"    ? V4L2_STD_PAL
+                           : request.device.standard == "NTSC" ? V4L2_STD_NTSC
+                                                               : V4L2_STD_SECAM;
     device_.command(VIDIOC_S_STD, standard, "VIDIOC_S_STD");
   }
 }
@@ -163,13 +171,14 @@ void V4l2Stream::negotiate(const V4l2Request& request) {
   const auto& preferred = request.colour ? colour_first : grey_first;
   const auto is_offered = [&](std::uint32_t f) { return std::ranges::count(offered, f) > 0; };
   const auto best = std::ranges::find_if(preferred, [&](std::uint32_t f) {
-    return is_offered(f) && (request.fourcc.empty() || f == fourcc_of(request.fourcc));
+    return is_offered(f) &&
+           (request.device.fourcc.empty() || f == fourcc_of(request.device.fourcc));
   });
   if (best == preferred.end())
     throw std::runtime_error(device_.path() + ": gives " + names + "; expected " +
-                             (request.fourcc.empty()
+                             (request.device.fourcc.empty()
                                   ? "GREY, NV12, YUYV, UYVY, Bayer of 8 bits, MJPG or JPEG"
-                                  : request.fourcc));
+                                  : request.device.fourcc));
   v4l2_format format{};
   format.type = type_;
   device_.command(VIDIOC_G_FMT, format, "VIDIOC_G_FMT");
@@ -223,8 +232,9 @@ void V4l2Stream::set_rate(const V4l2Request& request) {
   parameters.type = type_;
   if (!device_.try_command(VIDIOC_G_PARM, parameters)) return;
   v4l2_fract& interval = parameters.parm.capture.timeperframe;
-  if (request.frames_per_s > 0 && parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) {
-    interval = {1000, static_cast<std::uint32_t>(1000 * request.frames_per_s + 0.5)};
+  if (request.device.frames_per_s > 0 &&
+      parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) {
+    interval = {1000, static_cast<std::uint32_t>(1000 * request.device.frames_per_s + 0.5)};
     device_.command(VIDIOC_S_PARM, parameters, "VIDIOC_S_PARM");
   }
   if (interval.numerator > 0)

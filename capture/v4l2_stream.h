@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "capture/device_wishes.h"
+#include "capture/v4l2_controls.h"
 #include "capture/v4l2_device.h"
 #include "estimator/time.h"
 
@@ -15,11 +17,8 @@ namespace throwcal {
 /// What is wanted of a V4L2 camera.
 struct V4l2Request {
   int width_px = 0, height_px = 0;
-  double frames_per_s = 0.0;  ///< 0: whatever the driver is set to
-  bool colour = false;        ///< prefer formats with chroma
-  std::string fourcc;         ///< "YUYV": this one and no other; empty: the cheapest there is
-  std::string input;     ///< of a card with several, by its name or number; empty: as it is set
-  std::string standard;  ///< "PAL", "NTSC": of an analog input; empty: as it is set
+  bool colour = false;  ///< prefer formats with chroma
+  DeviceWishes device;
 };
 
 /// How the lines of a buffer follow each other.
@@ -37,6 +36,7 @@ struct V4l2Format {
 };
 
 std::string fourcc_text(std::uint32_t fourcc);
+bool is_compressed(std::uint32_t fourcc);  ///< JPEG
 /// Whether pictures of this format can be read here.
 bool is_read_format(std::uint32_t fourcc);
 
@@ -51,6 +51,10 @@ class V4l2Stream {
   ~V4l2Stream();
 
   void start();  ///< throws DeviceError
+  /// The driver has told an event: controls that another program changed are set back. True if
+  /// there were any. Throws DeviceError.
+  bool restore_controls() { return controls_->restore(); }
+  const PictureSettings& settings() const { return controls_->settings(); }
 
   const V4l2Format& format() const { return format_; }
   int fd() const { return device_.fd(); }
@@ -80,6 +84,7 @@ class V4l2Stream {
   V4l2Device device_;
   std::uint32_t type_ = 0;  ///< V4L2_BUF_TYPE_...
   V4l2Format format_;
+  std::optional<V4l2Controls> controls_;
   std::vector<Mapping> mappings_;
 };
 

@@ -44,7 +44,10 @@ HostTime host_now() {
       std::chrono::steady_clock::now().time_since_epoch()));
 }
 
-std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
+std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config, bool may_be_missing) {
+  std::vector<NamedSerial> others;
+  for (std::size_t i = 0; i < config.inputs.size(); ++i)
+    others.push_back({config.inputs[i].device.serial, config.rig.cameras[i].name});
   const auto scene = std::make_shared<const SimulatedScene>(config.simulation);
   const HostTime start = host_now();
   std::vector<std::unique_ptr<Camera>> cameras;
@@ -54,7 +57,9 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config) {
     source.id = id;
     source.name = camera.name;
     source.source = config.inputs[id].source;
-    source.v4l2 = config.inputs[id].v4l2;
+    source.device = config.inputs[id].device;
+    source.may_be_missing = may_be_missing;
+    source.others = others;
     source.model = camera.model;
     source.colour = config.ball_colour.has_value();
     source.scene = scene;
@@ -109,7 +114,7 @@ void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<
 
 Rig open_rig(const Config& config) {
   const RigSettings settings = rig_settings(config);
-  auto cameras = open_cameras(config);
+  auto cameras = open_cameras(config, true);
   check_frame_memory(config, cameras,
                      std::vector<std::size_t>(cameras.size(), settings.ring_slots));
   return Rig(std::move(cameras), settings);

@@ -13,8 +13,10 @@ namespace throwcal {
 HostTime host_now();
 
 /// The rig file's cameras, opened by their `source` keys. Throws InputError (camera and what was
-/// expected) or what the driver says.
-std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config);
+/// expected) or what the driver says. `may_be_missing`: a device that is not plugged in is waited
+/// for.
+std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config,
+                                                  bool may_be_missing = false);
 
 /// What the detectors must know of the ball.
 RigSettings rig_settings(const Config& config);
@@ -25,7 +27,8 @@ RigSettings rig_settings(const Config& config);
 void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<Camera>>& cameras,
                         const std::vector<std::size_t>& frames);
 
-/// The rig file's cameras at work for the box, their rings within the memory.
+/// The rig file's cameras at work for the box, their rings within the memory, those waited for that
+/// are missing.
 Rig open_rig(const Config& config);
 
 /// Keeps OpenCV and FFmpeg from printing of their own accord: what matters comes as an error with

@@ -23,10 +23,16 @@ Json to_json(const V4l2Listing& camera) {
   }
   const auto known = [](const std::string& text) { return text.empty() ? Json() : Json(text); };
   const std::string& where = camera.by_path.empty() ? camera.device : camera.by_path;
-  return {
-      {"source", "v4l2:" + where}, {"device", camera.device}, {"by_path", known(camera.by_path)},
-      {"card", camera.card},       {"driver", camera.driver}, {"bus", camera.bus},
-      {"inputs", camera.inputs},   {"formats", formats},      {"problem", known(camera.problem)}};
+  Json controls = Json::object();
+  for (const V4l2Control& c : camera.controls)
+    controls[c.key] = {
+        {"least", c.least}, {"most", c.most}, {"now", c.now}, {"automatic", c.is_automatic}};
+  return {{"source", "v4l2:" + where},        {"device", camera.device},
+          {"by_path", known(camera.by_path)}, {"card", camera.card},
+          {"driver", camera.driver},          {"bus", camera.bus},
+          {"serial", known(camera.serial)},   {"controls", controls},
+          {"inputs", camera.inputs},          {"formats", formats},
+          {"problem", known(camera.problem)}};
 }
 
 std::string rates_text(const std::vector<double>& rates) {
@@ -45,12 +51,16 @@ void print(const V4l2Listing& camera) {
               camera.driver.c_str(), camera.bus.c_str());
   std::printf("  source = \"v4l2:%s\"\n",
               (camera.by_path.empty() ? camera.device : camera.by_path).c_str());
+  if (!camera.serial.empty()) std::printf("  serial = \"%s\"\n", camera.serial.c_str());
   if (!camera.problem.empty()) std::printf("  PROBLEM: %s\n", camera.problem.c_str());
   if (camera.inputs.size() > 1) {
     std::printf("  inputs:");
     for (const std::string& input : camera.inputs) std::printf(" \"%s\"", input.c_str());
     std::printf("\n");
   }
+  for (const V4l2Control& c : camera.controls)
+    std::printf("  %s from %.6g to %.6g, now %.6g%s\n", c.key.c_str(), c.least, c.most, c.now,
+                c.is_automatic ? ", automatic" : "");
   std::string others;
   for (const V4l2Offer& offer : camera.offers) {
     if (!offer.is_read) {

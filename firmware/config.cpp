@@ -167,15 +167,31 @@ std::string read_source(TomlTable& camera, const std::filesystem::path& folder) 
   return source;
 }
 
+void read_picture(TomlTable& camera, PictureWishes& picture) {
+  picture.automatic = camera.boolean("automatic").value_or(false);
+  picture.exposure_s = camera.number("exposure_s", between(1e-6, 1, "a number of seconds"));
+  picture.gain = camera.number("gain", between(-1e6, 1e6));
+  picture.focus = camera.number("focus", between(-1e6, 1e6));
+  picture.white_balance_k = camera.number("white_balance_k", between(1000, 20000, "kelvin"));
+  const bool is_held =
+      picture.exposure_s || picture.gain || picture.focus || picture.white_balance_k;
+  if (picture.automatic && is_held)
+    camera.reject("automatic", "false where exposure_s, gain, focus or white_balance_k is given");
+}
+
 CameraInput read_input(TomlTable& camera, const std::filesystem::path& folder) {
   CameraInput out{read_source(camera, folder), {}};
   if (!out.source.starts_with("v4l2:")) return out;
-  V4l2Wishes& v4l2 = out.v4l2;
-  v4l2.frames_per_s = camera.number("frames_per_s", between(1, 10000)).value_or(0.0);
-  v4l2.fourcc = camera.text("pixel_format").value_or("");
-  if (v4l2.fourcc.size() > 4) camera.reject("pixel_format", "a code of four letters like \"YUYV\"");
-  v4l2.input = camera.text("input").value_or("");
-  v4l2.standard = camera.choice("standard", {"PAL", "NTSC", "SECAM"}).value_or("");
+  DeviceWishes& device = out.device;
+  device.frames_per_s = camera.number("frames_per_s", between(1, 10000)).value_or(0.0);
+  device.fourcc = camera.text("pixel_format").value_or("");
+  if (device.fourcc.size() > 4)
+    camera.reject("pixel_format", "a code of four letters like \"YUYV\"");
+  device.input = camera.text("input").value_or("");
+  device.standard = camera.choice("standard", {"PAL", "NTSC", "SECAM"}).value_or("");
+  device.model = camera.text("model").value_or("");
+  device.serial = camera.text("serial").value_or("");
+  read_picture(camera, device.picture);
   return out;
 }
 

@@ -23,7 +23,7 @@ struct ListenAddress {
 /// How a camera's pictures come.
 struct CameraInput {
   std::string source;  ///< "simulated", "video:PATH", "v4l2:DEVICE", or empty: not said
-  V4l2Wishes v4l2;
+  DeviceWishes device;
 };
 
 /// The rig file: what the estimator must know of the rig, and what the box must know to run it.

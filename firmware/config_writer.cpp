@@ -49,11 +49,22 @@ void write_camera(std::ostream& out, const CameraDescription& camera, const Came
     out << (i ? ", " : "\nestimate = [") << quoted(name_of(camera.estimate[i], m.lens));
   if (!camera.estimate.empty()) out << "]";
   if (!input.source.empty()) out << "\nsource = " << quoted(input.source);
-  const V4l2Wishes& v4l2 = input.v4l2;
-  if (v4l2.frames_per_s > 0) out << "\nframes_per_s = " << shortest(v4l2.frames_per_s);
-  if (!v4l2.fourcc.empty()) out << "\npixel_format = " << quoted(v4l2.fourcc);
-  if (!v4l2.input.empty()) out << "\ninput = " << quoted(v4l2.input);
-  if (!v4l2.standard.empty()) out << "\nstandard = " << quoted(v4l2.standard);
+  const DeviceWishes& device = input.device;
+  if (device.frames_per_s > 0) out << "\nframes_per_s = " << shortest(device.frames_per_s);
+  if (!device.fourcc.empty()) out << "\npixel_format = " << quoted(device.fourcc);
+  if (!device.input.empty()) out << "\ninput = " << quoted(device.input);
+  if (!device.standard.empty()) out << "\nstandard = " << quoted(device.standard);
+  if (!device.model.empty()) out << "\nmodel = " << quoted(device.model);
+  if (!device.serial.empty()) out << "\nserial = " << quoted(device.serial);
+  const PictureWishes& picture = device.picture;
+  if (picture.automatic) out << "\nautomatic = true";
+  const auto number = [&](const char* key, const std::optional<double>& value) {
+    if (value) out << "\n" << key << " = " << shortest(*value);
+  };
+  number("exposure_s", picture.exposure_s);
+  number("gain", picture.gain);
+  number("focus", picture.focus);
+  number("white_balance_k", picture.white_balance_k);
   out << "\n";
 }
 

@@ -10,6 +10,19 @@
 namespace throwcal {
 namespace {
 
+Json known(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? Json(*value) : Json(nullptr);
+}
+
+/// Null of a camera that has no such settings: a film.
+Json to_json(const PictureSettings& s) {
+  if (!s.exposure_s && !s.gain && !s.focus && !s.white_balance_k && s.automatic.empty())
+    return nullptr;
+  return {{"exposure_s", known(s.exposure_s)}, {"gain", known(s.gain)},
+          {"focus", known(s.focus)},           {"white_balance_k", known(s.white_balance_k)},
+          {"automatic", s.automatic},          {"set_back", s.set_back}};
+}
+
 Json to_json(const CameraStats& c, int flights) {
   return {{"name", c.name},
           {"running", c.running},
@@ -24,11 +37,8 @@ Json to_json(const CameraStats& c, int flights) {
           {"sightings", c.sightings},
           {"flights", flights},
           {"view", description(c.view)},
+          {"settings", to_json(c.settings)},
           {"error", c.error.empty() ? Json(nullptr) : Json(c.error)}};
-}
-
-Json known(const std::optional<double>& value) {
-  return value && std::isfinite(*value) ? Json(*value) : Json(nullptr);
 }
 
 /// Of all cameras; unknown as long as one camera's is.

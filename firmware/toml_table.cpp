@@ -70,6 +70,13 @@ std::optional<std::int64_t> TomlTable::integer(std::string_view key, std::int64_
   return value;
 }
 
+std::optional<bool> TomlTable::boolean(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return {};
+  if (!node->is_boolean()) reject(key, "true or false");
+  return node->value<bool>();
+}
+
 std::int64_t TomlTable::required_integer(std::string_view key, std::int64_t low,
                                          std::int64_t high) {
   const auto value = integer(key, low, high);

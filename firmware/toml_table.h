@@ -29,6 +29,7 @@ class TomlTable {
   double required_number(std::string_view key, const NumberRange& range);
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t low, std::int64_t high);
   std::int64_t required_integer(std::string_view key, std::int64_t low, std::int64_t high);
+  std::optional<bool> boolean(std::string_view key);
   std::optional<std::string> text(std::string_view key);
   /// One of a few words; the expectation names them all.
   std::optional<std::string> choice(std::string_view key, const std::vector<std::string>& words);

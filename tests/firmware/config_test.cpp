@@ -54,6 +54,30 @@ std::string north_with(const std::string& line, const std::string& in_place_of) 
   return text.replace(text.find(in_place_of), in_place_of.size(), line);
 }
 
+TEST(Config, HoldsACamerasPictureAndItsIdentity) {
+  const std::string device = "source = \"v4l2:/dev/video0\"\n";
+  const Config config = parsed(east + north + device +
+                               "model = \"Eye\"\nserial = \"0815\"\nexposure_s = 0.004\n"
+                               "gain = 16\nfocus = 5\nwhite_balance_k = 4600\n");
+  const DeviceWishes& north_is = config.inputs[1].device;
+  EXPECT_EQ(north_is.model, "Eye");
+  EXPECT_EQ(north_is.serial, "0815");
+  EXPECT_EQ(north_is.picture.exposure_s, 0.004);
+  EXPECT_EQ(north_is.picture.gain, 16);
+  EXPECT_EQ(north_is.picture.focus, 5);
+  EXPECT_EQ(north_is.picture.white_balance_k, 4600);
+  EXPECT_FALSE(north_is.picture.automatic);
+  EXPECT_EQ(to_toml(parse_config(to_toml(config), "back.toml")), to_toml(config));
+  EXPECT_TRUE(
+      parsed(east + north + device + "automatic = true\n").inputs[1].device.picture.automatic);
+  EXPECT_EQ(
+      error_of(east + north + device + "automatic = true\ngain = 1\n"),
+      "rig.toml:27: camera \"north\": automatic must be false where exposure_s, gain, focus or "
+      "white_balance_k is given, got true");
+  EXPECT_EQ(error_of(east + north + device + "automatic = 1\n"),
+            "rig.toml:27: camera \"north\": automatic must be true or false, got 1");
+}
+
 TEST(Config, SaysHowMuchIsKeptOfBeforeTheCapture) {
   EXPECT_EQ(parsed(north + east).pre_trigger, std::chrono::seconds(5));
   const Config config =

@@ -88,13 +88,13 @@ int run(int argc, char** argv, std::uint64_t enough) {
     const std::string word = argv[i];
     const std::string value = word.substr(word.find('=') + 1);
     if (word.starts_with("fps="))
-      source.v4l2.frames_per_s = std::stod(value);
+      source.device.frames_per_s = std::stod(value);
     else if (word.starts_with("format="))
-      source.v4l2.fourcc = value;
+      source.device.fourcc = value;
     else if (word.starts_with("input="))
-      source.v4l2.input = value;
+      source.device.input = value;
     else if (word.starts_with("standard="))
-      source.v4l2.standard = value;
+      source.device.standard = value;
     else if (word.starts_with("frames="))
       enough = std::stoull(value);
     else if (word.starts_with("rounds="))
