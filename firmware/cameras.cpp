@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <opencv2/core/utils/logger.hpp>
@@ -112,11 +113,19 @@ void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<
                      "less long, more slowly or smaller");
 }
 
-Rig open_rig(const Config& config) {
+std::vector<std::string> usb_overloads_of(const std::vector<std::unique_ptr<Camera>>& cameras) {
+  std::vector<UsbStream> streams;
+  for (const auto& camera : cameras)
+    if (auto stream = camera->usb_stream()) streams.push_back(*std::move(stream));
+  return usb_overloads(streams);
+}
+
+Rig open_rig(const Config& config, const std::function<void(const std::string&)>& warn) {
   const RigSettings settings = rig_settings(config);
   auto cameras = open_cameras(config, true);
   check_frame_memory(config, cameras,
                      std::vector<std::size_t>(cameras.size(), settings.ring_slots));
+  std::ranges::for_each(usb_overloads_of(cameras), warn);
   return Rig(std::move(cameras), settings);
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "capture/camera.h"
@@ -29,7 +31,11 @@ void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<
 
 /// The rig file's cameras at work for the box, their rings within the memory, those waited for that
 /// are missing.
-Rig open_rig(const Config& config);
+/// `warn` is told what stands against it: a USB bus that carries less than is wanted.
+Rig open_rig(const Config& config, const std::function<void(const std::string&)>& warn);
+
+/// Sentences for each USB bus that carries less than these cameras want.
+std::vector<std::string> usb_overloads_of(const std::vector<std::unique_ptr<Camera>>& cameras);
 
 /// Keeps OpenCV and FFmpeg from printing of their own accord: what matters comes as an error with
 /// its place. Call first in main(), before any thread.

@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstdlib>
 
+#include "firmware/camera_changes.h"
 #include "firmware/cameras.h"
 #include "firmware/export.h"
 #include "firmware/text_file.h"
@@ -52,7 +53,7 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
     : config_(config),
       settings_(std::move(settings)),
       store_(settings_.state_dir, config_.rig),
-      rig_(open_rig(config_)),
+      rig_(open_rig(config_, log_warning)),
       session_(config_.rig.cameras.size()),
       link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
   add_methods(rpc_, *this);
@@ -139,8 +140,12 @@ void Daemon::keep(const News& news) {
   const std::int64_t id = *session_.id();
   stored([&] {
     store_.add_flights(id, news.flights);
-    if (news.calibration)
-      store_.put_calibration(id, to_json(*news.calibration, utc_now()), news.throws);
+    if (news.calibration) {
+      Json document = to_json(*news.calibration, utc_now());
+      add_devices(document, store_.devices(id));
+      store_.put_calibration(id, document, news.throws);
+      judged_devices_ = nullptr;
+    }
     if (news.solved) store_.finish_session(id);
   });
 }
@@ -151,8 +156,39 @@ bool Daemon::cameras_are_warm() const {
   });
 }
 
+/// Whether the last calibration is that of the cameras as they are now, looked into again only when
+/// one of both has changed.
+void Daemon::judge_last_calibration() {
+  Json devices = devices_of(rig_.stats());
+  if (devices == judged_devices_) return;
+  std::optional<Json> latest;
+  try {
+    latest = store_.latest_calibration();
+  } catch (const StoreError& error) {
+    once_.warning("store", error.what());
+    return;
+  }
+  calibration_problem_.reset();
+  if (latest)
+    for (const std::string& change : camera_changes(*latest, devices))
+      calibration_problem_ = (calibration_problem_ ? *calibration_problem_ + "; " : "") + change;
+  if (calibration_problem_)
+    log_warning("the last calibration is not of these cameras: " + *calibration_problem_);
+  judged_devices_ = std::move(devices);
+}
+
+JsonRpc::Json Daemon::latest_calibration() {
+  judge_last_calibration();
+  if (calibration_problem_)
+    throw RpcError(rpc_refused, "the last calibration is not of these cameras, calibrate again: " +
+                                    *calibration_problem_);
+  if (auto latest = store_.latest_calibration()) return *std::move(latest);
+  throw RpcError(rpc_refused, "there is no calibration yet");
+}
+
 void Daemon::tick() {
   ticker_.after(tick_period);
+  judge_last_calibration();
   if (cameras_are_warm()) session_.cameras_became_warm();
   const Status now = status_now();
   tell_camera_faults(now);
@@ -178,6 +214,15 @@ void Daemon::tell_camera_faults(const Status& now) {
     if (camera.frames_damaged > 0)
       once_.warning("damaged " + camera.name,
                     "camera \"" + camera.name + "\": frames damaged; a loose cable?");
+    if (camera.settings.set_back > 0)
+      once_.warning("set back " + camera.name,
+                    "camera \"" + camera.name +
+                        "\": another program changed its exposure, gain, "
+                        "focus or white balance; set back");
+    if (!camera.settings.automatic.empty())
+      once_.warning("automatic " + camera.name,
+                    "camera \"" + camera.name + "\": its " + camera.settings.automatic.front() +
+                        " is automatic; a picture that changes is measured worse");
     if (camera.frames_lost_by_driver > 0)
       once_.warning("gaps " + camera.name,
                     "camera \"" + camera.name + "\": frames lost before they reached the box");
@@ -189,6 +234,7 @@ void Daemon::tell_camera_faults(const Status& now) {
 Status Daemon::status_now() const {
   Status now = status_of(session_, rig_);
   now.fault = fault_;
+  now.calibration_problem = calibration_problem_;
   now.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
   return now;
 }
@@ -199,7 +245,8 @@ Json Daemon::start_capture() {
   Session next = session_;
   if (const auto refusal = next.start(0, cameras_are_warm())) throw RpcError(rpc_refused, *refusal);
   std::int64_t id = 0;
-  if (!stored([&] { id = store_.start_session(utc_now()); })) throw RpcError(rpc_refused, *fault_);
+  if (!stored([&] { id = store_.start_session(utc_now(), devices_of(rig_.stats())); }))
+    throw RpcError(rpc_refused, *fault_);
   (void)session_.start(id, cameras_are_warm());
   estimator_->begin_session();
   log_info("session " + std::to_string(id) + " began");
@@ -230,6 +277,7 @@ Json Daemon::hello() const {
 Json Daemon::camera_list() const {
   Json out = Json::array();
   const std::vector<CameraStats> stats = rig_.stats();
+  const Json devices = devices_of(stats);
   for (std::size_t i = 0; i < stats.size(); ++i) {
     const CameraModel& model = config_.rig.cameras[i].model;
     out.push_back({{"name", config_.rig.cameras[i].name},
@@ -239,7 +287,8 @@ Json Daemon::camera_list() const {
                    {"lens", model.lens == Lens::kb4 ? "kb4" : "radtan"},
                    {"row_time_s", model.row_time_s},
                    {"running", stats[i].running},
-                   {"frames_per_s", stats[i].frames_per_s}});
+                   {"frames_per_s", stats[i].frames_per_s},
+                   {"device", devices.value(stats[i].name, Json())}});
   }
   return out;
 }

@@ -38,6 +38,8 @@ class Daemon {
   JsonRpc::Json status() const;
   JsonRpc::Json start_capture();
   JsonRpc::Json stop_capture();
+  /// Refused where cables were swapped, or another camera or mode is there, since it was made.
+  JsonRpc::Json latest_calibration();
   JsonRpc::Json camera_list() const;
   JsonRpc::Json system_info() const;
   const Store& store() const { return store_; }
@@ -47,6 +49,7 @@ class Daemon {
   bool cameras_are_warm() const;
   void read_news();
   void keep(const News& news);
+  void judge_last_calibration();
   void tick();
   void tell_camera_faults(const Status& now);
   void shut_down();
@@ -65,7 +68,8 @@ class Daemon {
   NewsBox news_;
   JsonRpc rpc_;
   TcpLink link_;
-  std::optional<std::string> fault_;
+  std::optional<std::string> fault_, calibration_problem_;
+  JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<EstimatorThread> estimator_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;
   JsonRpc::Json last_told_;

@@ -30,9 +30,7 @@ void add_methods(JsonRpc& rpc, Daemon& daemon) {
   });
   rpc.add("capture.start", [&](const Json&, Caller&) { return daemon.start_capture(); });
   rpc.add("capture.stop", [&](const Json&, Caller&) { return daemon.stop_capture(); });
-  rpc.add("calibration.latest", [&](const Json&, Caller&) {
-    return found(daemon.store().latest_calibration(), "there is no calibration yet");
-  });
+  rpc.add("calibration.latest", [&](const Json&, Caller&) { return daemon.latest_calibration(); });
   rpc.add("calibration.list",
           [&](const Json&, Caller&) { return daemon.store().calibration_list(); });
   rpc.add("calibration.get", [&](const Json& params, Caller&) {

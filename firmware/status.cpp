@@ -76,18 +76,20 @@ Json to_json(const Status& s) {
   Json cameras = Json::array();
   for (std::size_t i = 0; i < s.cameras.size(); ++i)
     cameras.push_back(to_json(s.cameras[i], s.flights.at(i)));
-  return {{"state", to_string(s.state)},
-          {"session", s.session ? Json(*s.session) : Json(nullptr)},
-          {"throws", s.throws},
-          {"worst_sigma_position_m", known(s.worst_sigma_position_m)},
-          {"worst_sigma_rotation_rad", known(s.worst_sigma_rotation_rad)},
-          {"verdict", s.verdict ? Json(to_string(*s.verdict)) : Json(nullptr)},
-          {"reasons", s.reasons},
-          {"cameras", std::move(cameras)},
-          {"sightings_dropped", s.sightings_dropped},
-          {"fault", s.fault ? Json(*s.fault) : Json(nullptr)},
-          {"uptime_s", std::round(10.0 * s.uptime_s) / 10.0},
-          {"software", software_name()}};
+  return {
+      {"state", to_string(s.state)},
+      {"session", s.session ? Json(*s.session) : Json(nullptr)},
+      {"throws", s.throws},
+      {"worst_sigma_position_m", known(s.worst_sigma_position_m)},
+      {"worst_sigma_rotation_rad", known(s.worst_sigma_rotation_rad)},
+      {"verdict", s.verdict ? Json(to_string(*s.verdict)) : Json(nullptr)},
+      {"reasons", s.reasons},
+      {"cameras", std::move(cameras)},
+      {"sightings_dropped", s.sightings_dropped},
+      {"calibration_problem", s.calibration_problem ? Json(*s.calibration_problem) : Json(nullptr)},
+      {"fault", s.fault ? Json(*s.fault) : Json(nullptr)},
+      {"uptime_s", std::round(10.0 * s.uptime_s) / 10.0},
+      {"software", software_name()}};
 }
 
 }  // namespace throwcal

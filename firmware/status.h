@@ -19,6 +19,7 @@ struct Status {
   std::optional<double> worst_sigma_position_m, worst_sigma_rotation_rad;
   std::optional<Verdict> verdict;
   std::vector<std::string> reasons;
+  std::optional<std::string> calibration_problem;  ///< why the last one is not of these cameras
   std::optional<std::string> fault;  ///< of the box itself, as a store that can't be written
   double uptime_s = 0.0;
 };

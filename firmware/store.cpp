@@ -6,10 +6,11 @@
 namespace throwcal {
 namespace {
 
-constexpr std::int64_t schema_version = 1;
+constexpr std::int64_t schema_version = 2;
 constexpr const char* tables = R"(
 CREATE TABLE session(id INTEGER PRIMARY KEY AUTOINCREMENT, started_utc TEXT NOT NULL, stopped_utc TEXT,
-  state TEXT NOT NULL CHECK(state IN ('capturing', 'solving', 'done')), cameras TEXT NOT NULL);
+  state TEXT NOT NULL CHECK(state IN ('capturing', 'solving', 'done')), cameras TEXT NOT NULL,
+  devices TEXT NOT NULL DEFAULT '{}');
 CREATE TABLE flight(id INTEGER PRIMARY KEY, session INTEGER NOT NULL REFERENCES session(id),
   camera INTEGER NOT NULL);
 CREATE INDEX flight_of_session ON flight(session);
@@ -54,6 +55,7 @@ void Store::make_tables() {
   const std::int64_t found = version.integer(0);
   version.run();
   if (found == schema_version) return;
+  if (found == 1) return migrate();
   if (found != 0)
     throw StoreError("throwcal.db is of version " + std::to_string(found) + "; expected version " +
                      std::to_string(schema_version) + ": it was written by a newer throwcal");
@@ -63,12 +65,30 @@ void Store::make_tables() {
   });
 }
 
-std::int64_t Store::start_session(const std::string& utc) {
-  database_.prepare("INSERT INTO session(started_utc, state, cameras) VALUES(?, 'capturing', ?)")
+/// What was kept by an older throwcal stays.
+void Store::migrate() {
+  database_.transaction([&] {
+    database_.execute("ALTER TABLE session ADD COLUMN devices TEXT NOT NULL DEFAULT '{}'");
+    database_.execute("PRAGMA user_version=" + std::to_string(schema_version));
+  });
+}
+
+std::int64_t Store::start_session(const std::string& utc, const Json& devices) {
+  database_
+      .prepare(
+          "INSERT INTO session(started_utc, state, cameras, devices)"
+          " VALUES(?, 'capturing', ?, ?)")
       .bind(utc)
       .bind(Json(camera_names_).dump())
+      .bind(devices.dump())
       .run();
   return database_.last_id();
+}
+
+Store::Json Store::devices(std::int64_t session) const {
+  Statement row = database_.prepare("SELECT devices FROM session WHERE id = ?");
+  row.bind(session);
+  return row.step() ? Json::parse(row.text(0)) : Json::object();
 }
 
 void Store::stop_session(std::int64_t session, const std::string& utc) {

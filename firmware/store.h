@@ -21,7 +21,9 @@ class Store {
   /// Opens or makes STATE_DIR/throwcal.db (the folder too).
   Store(const std::filesystem::path& state_dir, const RigDescription& rig);
 
-  std::int64_t start_session(const std::string& utc);
+  /// `devices`: what is behind the cameras, as devices_of() tells it.
+  std::int64_t start_session(const std::string& utc, const Json& devices = Json::object());
+  Json devices(std::int64_t session) const;  ///< an empty object where none were known
   void stop_session(std::int64_t session, const std::string& utc);
   void add_flights(std::int64_t session, const std::vector<Track>& flights);
   /// The session's calibration so far; the one before it is replaced.
@@ -43,6 +45,7 @@ class Store {
 
  private:
   void make_tables();
+  void migrate();
   std::optional<Json> first_document(Statement statement) const;
 
   Database database_;

@@ -135,13 +135,44 @@ TEST_F(StoreTest, AFolderThatCannotBeIsNamed) {
             impossible.string() + ": can't be made: Not a directory");
 }
 
+TEST_F(StoreTest, RemembersWhichDevicesASessionSaw) {
+  const Store::Json devices{{"north", {{"serial", "0815"}}}};
+  std::int64_t known = 0, unknown = 0;
+  {
+    Store store = open();
+    known = store.start_session("2026-01-31T11:00:00Z", devices);
+    unknown = store.start_session("2026-01-31T12:00:00Z");
+  }
+  const Store store = open();
+  EXPECT_EQ(store.devices(known), devices);
+  EXPECT_EQ(store.devices(unknown), Store::Json::object());
+}
+
+TEST_F(StoreTest, AFileOfVersionOneIsTakenOver) {
+  std::int64_t id = 0;
+  {
+    Store store = open();
+    id = store.start_session("2026-01-31T11:00:00Z");
+    store.put_calibration(id, document("accepted"), 2);
+  }
+  {
+    const Database database(folder_ / "throwcal.db");
+    database.execute("ALTER TABLE session DROP COLUMN devices");
+    database.execute("PRAGMA user_version=1");
+  }
+  Store store = open();
+  EXPECT_EQ(store.latest_calibration()->at("verdict"), "accepted");
+  EXPECT_EQ(store.devices(id), Store::Json::object());
+  EXPECT_GT(store.start_session("2026-01-31T12:00:00Z"), id);
+}
+
 TEST_F(StoreTest, AFileOfANewerVersionIsNotTouched) {
   {
     const Database database(folder_ / "throwcal.db");
     database.execute("PRAGMA user_version=99");
   }
   EXPECT_EQ(error_of([&] { open(); }),
-            "throwcal.db is of version 99; expected version 1: it was written by a newer throwcal");
+            "throwcal.db is of version 99; expected version 2: it was written by a newer throwcal");
 }
 
 }  // namespace
