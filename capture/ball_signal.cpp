@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "capture/packed_luma.h"
+
 namespace throwcal {
 namespace {
 
@@ -78,7 +80,7 @@ cv::Mat BallSignal::of(const ImageView& image) {
     return signal_;
   }
   if (is_plain) {
-    cv::extractChannel(view(CV_8UC2), signal_, 0);
+    take_luma(view(CV_8UC2), 0, signal_);
     return signal_;
   }
   const bool is_packed = image.format == PixelFormat::yuyv;

@@ -7,12 +7,11 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "capture/packed_luma.h"
+
 namespace throwcal {
 namespace {
 
-bool is_jpeg(std::uint32_t fourcc) {
-  return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
-}
 bool is_packed_yuv(std::uint32_t fourcc) {
   return fourcc == V4L2_PIX_FMT_YUYV || fourcc == V4L2_PIX_FMT_UYVY;
 }
@@ -57,7 +56,7 @@ bool RawPicture::write(std::span<const std::uint8_t> bytes, std::span<std::uint8
   const int rows = raw_.height_px, columns = raw_.width_px;
   const bool is_colour = made_ == PixelFormat::bgr;
   cv::Mat out(rows, columns, is_colour ? CV_8UC3 : CV_8UC1, slot.data());
-  if (is_jpeg(raw_.fourcc)) {
+  if (is_compressed(raw_.fourcc)) {
     if (bytes.size() < 2 || bytes[0] != 0xFF || bytes[1] != 0xD8) return false;
     auto* data = const_cast<std::uint8_t*>(bytes.data());
     const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, data);
@@ -81,7 +80,7 @@ bool RawPicture::write(std::span<const std::uint8_t> bytes, std::span<std::uint8
     else
       cv::mixChannels({raw}, {packed}, {0, 1, 1, 0});
   } else if (is_packed_yuv(raw_.fourcc)) {
-    cv::extractChannel(raw, out, raw_.fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1);
+    take_luma(raw, raw_.fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, out);
   } else {
     raw.copyTo(out);
   }
@@ -90,7 +89,8 @@ bool RawPicture::write(std::span<const std::uint8_t> bytes, std::span<std::uint8
 
 cv::Mat RawPicture::luma(const cv::Mat& raw) {
   if (!is_packed_yuv(raw_.fourcc)) return raw;
-  cv::extractChannel(raw, luma_, raw_.fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1);
+  luma_.create(raw.rows, raw.cols, CV_8UC1);
+  take_luma(raw, raw_.fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, luma_);
   return luma_;
 }
 

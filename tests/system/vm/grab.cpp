@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -29,6 +30,13 @@ std::int64_t now_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
 }
 
+/// Processor time of the whole program.
+std::int64_t cpu_ns() {
+  timespec used{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
+  return used.tv_sec * 1'000'000'000LL + used.tv_nsec;
+}
+
 struct Taken {
   std::uint64_t sequence;
   std::int64_t mid_exposure_ns, taken_ns;
@@ -42,9 +50,11 @@ struct Station {
   std::atomic<std::uint64_t> frames = 0;
   std::string told;
   Frame last;
+  std::int64_t cpu_at_first_ns = 0;
 
   void read() {
     while (const auto lease = grabber->take()) {
+      if (taken.empty()) cpu_at_first_ns = cpu_ns();
       last = lease->frame();
       taken.push_back({last.sequence, last.row0_mid_exposure.time_since_epoch().count(), now_ns()});
       ++frames;
@@ -69,6 +79,8 @@ struct Station {
             {"interruptions", s.interruptions},
             {"timestamps", description(last.timestamp_source)},
             {"time_sigma_s", seconds(last.time_sigma)},
+            {"cpu_us_a_frame", 1e-3 * static_cast<double>(cpu_ns() - cpu_at_first_ns) /
+                                   static_cast<double>(std::max<std::uint64_t>(1, frames))},
             {"files", std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {})},
             {"error", s.error}}
             .dump()
