@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // grab WIDTHxHEIGHT SECONDS KEY=VALUE... DEVICE...: grabs from V4L2 cameras, each DEVICE one, for
-// some seconds or until each gave frames=N. Prints a line when a camera is lost or back, and one a
-// camera when it ends (JSON: its counters). Keys: fps, format, input, standard, frames,
-// times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it),
-// and rounds=A,B,...: all of it again and again, until each camera gave A frames, then B ...
+// some seconds, or until each gave frames=N, or it gets SIGTERM. Prints a line when a camera is
+// lost or back, and one a camera when it ends (JSON: its counters). Keys: fps, format, input,
+// standard, frames, times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a
+// reader had it), and rounds=A,B,...: all of it again and again, until each camera gave A frames,
+// then B ...
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -25,6 +27,8 @@ namespace throwcal {
 namespace {
 
 constexpr std::size_t ring_slots = 32;
+
+volatile std::sig_atomic_t is_over = 0;
 
 std::int64_t now_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
@@ -127,7 +131,8 @@ int run(int argc, char** argv, std::uint64_t enough) {
   }
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(most_s);
   const auto has_enough = [&](const auto& station) { return station->frames >= enough; };
-  while (std::chrono::steady_clock::now() < end && !std::ranges::all_of(stations, has_enough)) {
+  while (!is_over && std::chrono::steady_clock::now() < end &&
+         !std::ranges::all_of(stations, has_enough)) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     for (auto& station : stations) station->tell_changes();
   }
@@ -147,6 +152,7 @@ int run(int argc, char** argv, std::uint64_t enough) {
 
 int main(int argc, char** argv) {
   if (argc < 4) return 2;
+  std::signal(SIGTERM, [](int) { throwcal::is_over = 1; });
   std::stringstream rounds("");
   for (int i = 3; i < argc; ++i)
     if (const std::string word = argv[i]; word.starts_with("rounds=")) rounds.str(word.substr(7));
