@@ -77,7 +77,7 @@ V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
   } catch (const std::runtime_error& error) {
     if (!source_.may_be_missing || !passes(error))
       throw std::runtime_error("camera " + source_.name + ": " + error.what());
-    error_ = error.what();
+    error_ = open_error(error);
   }
 }
 
@@ -108,6 +108,10 @@ void V4l2Camera::open() {
   auto stream = std::make_unique<V4l2Stream>(path_, request());
   const V4l2Format& given = stream->format();
   const CameraIdentity found = identity_of(given, path_);
+  {
+    const std::lock_guard lock(mutex_);
+    identity_ = found;
+  }
   check(found);
   RawPicture picture(given, source_.colour);
   check_pixels(picture.format());
@@ -119,20 +123,19 @@ void V4l2Camera::open() {
   sequence_.restart();
   stream_ = std::move(stream);
   picture_ = std::move(picture);
+  accepted_ = found;
+  source_.device.picture = stream_->held_settings();  // plugged in anew, it knows nothing of them
   const std::lock_guard lock(mutex_);
-  identity_ = found;
   const int set_back = settings_.set_back;
   settings_ = stream_->settings();
   settings_.set_back += set_back;
 }
 
 void V4l2Camera::check(const CameraIdentity& found) const {
-  const auto& [port, model, serial, mode] = identity_;
   const DeviceWishes& wanted = source_.device;
-  const CameraIdentity expected{.port = {},
-                                .model = wanted.model.empty() ? model : wanted.model,
-                                .serial = wanted.serial.empty() ? serial : wanted.serial,
-                                .mode = {}};
+  CameraIdentity expected = accepted_.value_or(CameraIdentity{});
+  if (!wanted.model.empty()) expected.model = wanted.model;
+  if (!wanted.serial.empty()) expected.serial = wanted.serial;
   if ((expected.model.empty() || expected.model == found.model) &&
       (expected.serial.empty() || expected.serial == found.serial))
     return;
@@ -146,8 +149,7 @@ void V4l2Camera::check(const CameraIdentity& found) const {
 
 /// The ring's slots are made; what they are to hold can't change.
 void V4l2Camera::check_pixels(PixelFormat found) const {
-  const bool is_first = identity().port.empty();
-  if (!is_first && found != pixels_) throw WrongCamera(path_ + ": gives other pixels than before");
+  if (accepted_ && found != pixels_) throw WrongCamera(path_ + ": gives other pixels than before");
 }
 
 std::optional<UsbStream> V4l2Camera::usb_stream() const {
@@ -157,6 +159,12 @@ std::optional<UsbStream> V4l2Camera::usb_stream() const {
   const double bytes = is_compressed(given.fourcc) ? 0.0 : static_cast<double>(given.least_bytes);
   return UsbStream{source_.name, usb->segment(), usb->speed_mbps(),
                    1e-6 * bytes * given.frames_per_s};
+}
+
+std::string V4l2Camera::open_error(const std::runtime_error& error) const {
+  const auto* device = dynamic_cast<const DeviceError*>(&error);
+  if (!device || !device->is_gone()) return error.what();
+  return path_ + (accepted_ ? ": was unplugged" : ": is not plugged in");
 }
 
 std::string V4l2Camera::stream_error(const DeviceError& error) const {
@@ -179,7 +187,7 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
     try {
       open();
     } catch (const std::runtime_error& error) {
-      return lost(error.what());
+      return lost(open_error(error));
     }
   }
   try {

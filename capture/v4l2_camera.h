@@ -41,6 +41,7 @@ class V4l2Camera : public Camera {
   void check(const CameraIdentity& found) const;
   void check_pixels(PixelFormat found) const;
   void adopt_settings();
+  std::string open_error(const std::runtime_error& error) const;
   std::string stream_error(const DeviceError& error) const;
   Outcome lost(std::string why);
   Outcome take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot, Frame& frame);
@@ -52,8 +53,9 @@ class V4l2Camera : public Camera {
   Format format_;
   PixelFormat pixels_ = PixelFormat::grey;  ///< of the frames
   double field_interval_s_ = 0.0;
-  mutable std::mutex mutex_;  ///< guards the next two
-  CameraIdentity identity_;
+  std::optional<CameraIdentity> accepted_;  ///< when it was first opened
+  mutable std::mutex mutex_;                ///< guards the next two
+  CameraIdentity identity_;                 ///< of what is there now, right or wrong
   PictureSettings settings_;
   EventFlag interrupted_;
   std::unique_ptr<V4l2Stream> stream_;

@@ -135,8 +135,8 @@ std::vector<V4l2Control> list_controls(const V4l2Device& device) {
 }
 
 V4l2Controls::V4l2Controls(const V4l2Device& device, const PictureWishes& wishes)
-    : device_(device) {
-  if (!wishes.automatic) hold(wishes);
+    : device_(device), wishes_(wishes) {
+  if (!wishes.automatic) hold();
   for (const Number& number : numbers) {
     if (is_automatic(device_, number)) settings_.automatic.push_back(number.word);
     if (const auto query = found(device_, number))
@@ -146,12 +146,12 @@ V4l2Controls::V4l2Controls(const V4l2Device& device, const PictureWishes& wishes
   subscribe();
 }
 
-void V4l2Controls::hold(const PictureWishes& wishes) {
+void V4l2Controls::hold() {
   if (found(device_, exposure_over_rate) && set(device_, exposure_over_rate, 0))
     held_.push_back({exposure_over_rate, 0});
   for (const Number& number : numbers) {
     const auto query = found(device_, number);
-    const auto& wish = wishes.*number.value;
+    auto& wish = wishes_.*number.value;
     // As it is now, while the automatic is still at it: that is what suits the light.
     const auto before = query ? value_of(device_, query->id) : std::nullopt;
     const std::int32_t wanted =
@@ -166,6 +166,7 @@ void V4l2Controls::hold(const PictureWishes& wishes) {
     else if (!before || !set(device_, query->id, wanted))
       continue;  // it has none, or one that can only be looked at
     held_.push_back({query->id, value_of(device_, query->id).value_or(wanted)});
+    wish = number.unit * held_.back().value;
   }
 }
 

@@ -28,17 +28,20 @@ class V4l2Controls {
   /// was. True if there was any. Throws DeviceError.
   bool restore();
   const PictureSettings& settings() const { return settings_; }
+  /// What a camera plugged in anew is to be set to: all that is held.
+  const PictureWishes& held() const { return wishes_; }
 
  private:
   struct Held {
     std::uint32_t id = 0;
     std::int32_t value = 0;
   };
-  void hold(const PictureWishes& wishes);
+  void hold();
   void subscribe() const;
 
   const V4l2Device& device_;
   std::vector<Held> held_;
+  PictureWishes wishes_;
   PictureSettings settings_;
 };
 

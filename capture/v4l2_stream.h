@@ -55,6 +55,7 @@ class V4l2Stream {
   /// there were any. Throws DeviceError.
   bool restore_controls() { return controls_->restore(); }
   const PictureSettings& settings() const { return controls_->settings(); }
+  const PictureWishes& held_settings() const { return controls_->held(); }
 
   const V4l2Format& format() const { return format_; }
   int fd() const { return device_.fd(); }

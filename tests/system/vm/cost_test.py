@@ -3,6 +3,7 @@
 """What a frame costs, beside `v4l2-ctl --stream-mmap`, which looks at no pixel, in the same machine: processor time, and how often the
 picture is copied. v4l2-ctl is run for few frames and for many: the difference is the frames'; ours says it itself, from the first frame
 on. THROWCAL_LONG=1: both kernels."""
+
 import json
 import os
 import pathlib
@@ -59,8 +60,12 @@ def check(result: vm.Result) -> None:
     for size in SIZES:
         for form in FORMATS:
             costs = {way: a_frame(result, way, size, form) for way in WAYS}
-            print(f"  {size[0]}x{size[1]} {form}: " + ", ".join(f"{way} {us:.0f} us" for way, (us, _) in costs.items())
-                  + f"; ours is {costs['ours'][0] / costs['mmap'][0]:.2f} of mmap; copies {costs['ours'][1]:.3f}", flush=True)
+            print(
+                f"  {size[0]}x{size[1]} {form}: "
+                + ", ".join(f"{way} {us:.0f} us" for way, (us, _) in costs.items())
+                + f"; ours is {costs['ours'][0] / costs['mmap'][0]:.2f} of mmap; copies {costs['ours'][1]:.3f}",
+                flush=True,
+            )
             assert abs(costs["mmap"][1]) < 0.1, costs
             if form == "GREY":  # of YUYV the luma is taken out, by no memcpy
                 assert 0.98 < costs["ours"][1] < 1.1, costs

@@ -2,8 +2,9 @@
 // grab WIDTHxHEIGHT SECONDS KEY=VALUE... DEVICE...: grabs from V4L2 cameras, each DEVICE one, for
 // some seconds, or until each gave frames=N, or it gets SIGTERM. Prints a line when a camera is
 // lost or back, and one a camera when it ends (JSON: its counters). Keys: fps, format, input,
-// standard, frames, times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a
-// reader had it), and rounds=A,B,...: all of it again and again, until each camera gave A frames,
+// standard, exposure (s), gain, serial (of the cameras after it), missing=1 (wait for one that is
+// not there), frames, times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when
+// a reader had it), and rounds=A,B,...: all of it again and again, until each camera gave A frames,
 // then B ...
 #include <algorithm>
 #include <atomic>
@@ -72,6 +73,7 @@ struct Station {
   }
   void report() const {
     const GrabberStats s = grabber->stats();
+    const PictureSettings settings = grabber->camera().settings();
     std::printf(
         "%s\n",
         nlohmann::json{
@@ -83,6 +85,12 @@ struct Station {
             {"interruptions", s.interruptions},
             {"timestamps", description(last.timestamp_source)},
             {"time_sigma_s", seconds(last.time_sigma)},
+            {"exposure_s", settings.exposure_s.value_or(0.0)},
+            {"gain", settings.gain.value_or(0.0)},
+            {"automatic", settings.automatic},
+            {"set_back", settings.set_back},
+            {"is", description(grabber->camera().identity())},
+            {"mode", grabber->camera().identity().mode},
             {"cpu_us_a_frame", 1e-3 * static_cast<double>(cpu_ns() - cpu_at_first_ns) /
                                    static_cast<double>(std::max<std::uint64_t>(1, frames))},
             {"files", std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {})},
@@ -111,6 +119,14 @@ int run(int argc, char** argv, std::uint64_t enough) {
       source.device.input = value;
     else if (word.starts_with("standard="))
       source.device.standard = value;
+    else if (word.starts_with("exposure="))
+      source.device.picture.exposure_s = std::stod(value);
+    else if (word.starts_with("gain="))
+      source.device.picture.gain = std::stod(value);
+    else if (word.starts_with("serial="))
+      source.device.serial = value;
+    else if (word.starts_with("missing="))
+      source.may_be_missing = true;
     else if (word.starts_with("frames="))
       enough = std::stoull(value);
     else if (word.starts_with("rounds="))
