@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "capture/packed_luma.h"
+#include "capture/pixel_rows.h"
 
 namespace throwcal {
 namespace {

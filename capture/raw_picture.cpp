@@ -7,7 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "capture/packed_luma.h"
+#include "capture/pixel_rows.h"
 
 namespace throwcal {
 namespace {
@@ -106,8 +106,7 @@ void RawPicture::write_field(std::span<const std::uint8_t> bytes, bool is_bottom
     std::uint8_t* out = slot.data() + static_cast<std::size_t>(y) * raw_.width_px;
     const int above = (y - parity) >> 1;  // rounds down
     const std::uint8_t *a = line(above), *b = (y - parity) % 2 == 0 ? a : line(above + 1);
-    for (int x = 0; x < raw_.width_px; ++x)
-      out[x] = static_cast<std::uint8_t>((a[x] + b[x] + 1) / 2);
+    write_mean(a, b, raw_.width_px, out);
   }
 }
 
