@@ -5,17 +5,26 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <opencv2/core/utils/logger.hpp>
 
 #include "capture/camera_factory.h"
 #include "firmware/input_error.h"
+#include "firmware/text_file.h"
 
 namespace throwcal {
 namespace {
 
 /// Sightings wait while the estimator is at a calibration of many throws: minutes of eight cameras.
 constexpr int queue_frames = 1 << 16;
+
+/// Of the camera of that name; 0: none was.
+double asked_rate(const Config& config, const std::string& name) {
+  for (std::size_t i = 0; i < config.inputs.size(); ++i)
+    if (config.rig.cameras[i].name == name) return config.inputs[i].device.frames_per_s;
+  return 0.0;
+}
 
 /// A simulated picture must be what the rig file says of its camera.
 void check_simulated(const Config& config, CameraId id, const SimulatedScene& scene) {
@@ -113,11 +122,23 @@ void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<
                      "less long, more slowly or smaller");
 }
 
-std::vector<std::string> usb_overloads_of(const std::vector<std::unique_ptr<Camera>>& cameras) {
+std::vector<std::string> warnings_of(const Config& config,
+                                     const std::vector<std::unique_ptr<Camera>>& cameras) {
   std::vector<UsbStream> streams;
   for (const auto& camera : cameras)
     if (auto stream = camera->usb_stream()) streams.push_back(*std::move(stream));
-  return usb_overloads(streams);
+  std::vector<std::string> out = usb_overloads(streams);
+  for (const auto& camera : cameras) {
+    const double asked = asked_rate(config, camera->name());
+    const double given = camera->format().frames_per_s;
+    // Interlaced, each frame is two pictures.
+    const bool is_kept =
+        std::abs(given - asked) < 0.02 * asked || std::abs(given - 2 * asked) < 0.04 * asked;
+    if (asked > 0 && given > 0 && !is_kept)
+      out.push_back("camera \"" + camera->name() + "\": asked for " + shortest(asked) +
+                    " frames a second, it gives " + shortest(given));
+  }
+  return out;
 }
 
 Rig open_rig(const Config& config, const std::function<void(const std::string&)>& warn) {
@@ -125,7 +146,7 @@ Rig open_rig(const Config& config, const std::function<void(const std::string&)>
   auto cameras = open_cameras(config, true);
   check_frame_memory(config, cameras,
                      std::vector<std::size_t>(cameras.size(), settings.ring_slots));
-  std::ranges::for_each(usb_overloads_of(cameras), warn);
+  std::ranges::for_each(warnings_of(config, cameras), warn);
   return Rig(std::move(cameras), settings);
 }
 

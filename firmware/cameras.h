@@ -31,11 +31,13 @@ void check_frame_memory(const Config& config, const std::vector<std::unique_ptr<
 
 /// The rig file's cameras at work for the box, their rings within the memory, those waited for that
 /// are missing.
-/// `warn` is told what stands against it: a USB bus that carries less than is wanted.
+/// `warn` is told warnings_of() them.
 Rig open_rig(const Config& config, const std::function<void(const std::string&)>& warn);
 
-/// Sentences for each USB bus that carries less than these cameras want.
-std::vector<std::string> usb_overloads_of(const std::vector<std::unique_ptr<Camera>>& cameras);
+/// What stands against these cameras, a sentence each: a rate that one was asked for and does not
+/// give, a USB bus that carries less than they want.
+std::vector<std::string> warnings_of(const Config& config,
+                                     const std::vector<std::unique_ptr<Camera>>& cameras);
 
 /// Keeps OpenCV and FFmpeg from printing of their own accord: what matters comes as an error with
 /// its place. Call first in main(), before any thread.

@@ -137,8 +137,8 @@ std::vector<std::unique_ptr<Reel>> reels_of(const RecordOptions& options, const 
                                         options.before_s * (rate > 0 ? rate : fast_frames_per_s))));
   }
   check_frame_memory(config, cameras, frames);
-  for (const std::string& overload : usb_overloads_of(cameras))
-    std::fprintf(stderr, "throwcal: %s\n", overload.c_str());
+  for (const std::string& warning : warnings_of(config, cameras))
+    std::fprintf(stderr, "throwcal: %s\n", warning.c_str());
   std::vector<std::unique_ptr<Reel>> out;
   for (std::size_t i = 0; i < cameras.size(); ++i)
     out.push_back(std::make_unique<Reel>(std::move(cameras[i]), frames[i]));

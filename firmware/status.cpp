@@ -37,6 +37,7 @@ Json to_json(const CameraStats& c, int flights) {
           {"sightings", c.sightings},
           {"flights", flights},
           {"view", description(c.view)},
+          {"mode", c.identity.mode.empty() ? Json(nullptr) : Json(c.identity.mode)},
           {"settings", to_json(c.settings)},
           {"error", c.error.empty() ? Json(nullptr) : Json(c.error)}};
 }
