@@ -17,7 +17,8 @@ struct NamedSerial {
 };
 
 /// What a camera's `source` key means: "simulated", "video:PATH" (PATH.timestamps.txt beside it
-/// gives frame times), or "v4l2:DEVICE".
+/// gives frame times), "v4l2:DEVICE", or "libcamera:ID" (an id, a number, or nothing: the only
+/// one).
 struct CameraSource {
   CameraId id = 0;
   std::string name, source;

@@ -26,6 +26,12 @@ class EventFlag {
     [[maybe_unused]] const auto written = write(fd_, &one, sizeof one);  // full is set, too
   }
 
+  void clear() {
+    std::uint64_t times;
+    [[maybe_unused]] const auto had = read(fd_, &times, sizeof times);  // clear is cleared, too
+  }
+  int fd() const { return fd_; }  ///< readable while it is set
+
   enum class Woken { by_flag, by_device, by_event, by_time };
   /// Waits for the flag, for `device` to be readable or broken (-1: none) or to tell an event, or
   /// for the time.

@@ -35,6 +35,8 @@ class FrameClock {
     TimestampSource source = TimestampSource::unknown;
   };
   Moment of(const DriverStamp& stamp);
+  /// Of the frames from now on, where a driver tells it.
+  void set_exposure(double exposure_s) { exposure_s_ = exposure_s; }
 
   /// The stream begins anew: other frames, the same camera.
   void restart();

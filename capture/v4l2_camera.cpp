@@ -3,27 +3,17 @@
 
 #include <linux/videodev2.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstdio>
 #include <utility>
 
+#include "capture/live_camera.h"
 #include "capture/usb_device.h"
 
 namespace throwcal {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr auto retry_period = 250ms;
-constexpr auto patience = 2000ms;  ///< without a frame
 constexpr int max_idle_wakes = 10;
-
-HostTime now() {
-  return HostTime(std::chrono::duration_cast<HostClock::duration>(
-      std::chrono::steady_clock::now().time_since_epoch()));
-}
 
 /// What the driver says that its stamp names; `unknown` where it does not say on which clock it is.
 TimestampSource source_of(std::uint32_t flags) {
@@ -32,12 +22,6 @@ TimestampSource source_of(std::uint32_t flags) {
   return (flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE
              ? TimestampSource::start_of_exposure
              : TimestampSource::end_of_frame;
-}
-
-/// Of the first plane.
-std::size_t bytes_a_pixel(PixelFormat format) {
-  if (format == PixelFormat::bgr) return 3;
-  return format == PixelFormat::yuyv ? 2 : 1;
 }
 
 /// At the port is another camera than belongs there.
@@ -259,8 +243,7 @@ Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_secon
   frame.time_sigma = moment_.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);
   frame.exposure = from_seconds(stream_->settings().exposure_s.value_or(0.0));
-  frame.image = {slot.data(), format_.width_px, format_.height_px,
-                 static_cast<std::size_t>(format_.width_px) * bytes_a_pixel(pixels_), pixels_};
+  frame.image = view_of(slot, {format_.width_px, format_.height_px, pixels_, 0.0});
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

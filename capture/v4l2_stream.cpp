@@ -79,20 +79,31 @@ bool is_top_first(std::uint32_t field, v4l2_std_id standard) {
   return !(standard & V4L2_STD_525_60);
 }
 
-/// What a whole picture has at least: drivers pad, and a compressed one has any size.
+}  // namespace
+
+bool is_read_format(std::uint32_t fourcc) { return std::ranges::count(grey_first, fourcc) > 0; }
+
+std::uint32_t cheapest_format(const std::vector<std::uint32_t>& offered, bool colour,
+                              const std::string& only) {
+  for (const std::uint32_t format : colour ? colour_first : grey_first)
+    if (std::ranges::count(offered, format) && (only.empty() || format == fourcc_of(only)))
+      return format;
+  return 0;
+}
+
+std::string expected_formats(const std::string& only) {
+  return only.empty() ? "GREY, NV12, YUYV, UYVY, Bayer of 8 bits, MJPG or JPEG" : only;
+}
+
 std::size_t least_bytes(const V4l2Format& format) {
   const std::size_t rows = static_cast<std::size_t>(format.height_px);
   if (is_compressed(format.fourcc)) return 1;
   return format.stride_bytes * (format.fourcc == V4L2_PIX_FMT_NV12 ? rows + rows / 2 : rows);
 }
 
-}  // namespace
-
 bool is_compressed(std::uint32_t fourcc) {
   return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
 }
-
-bool is_read_format(std::uint32_t fourcc) { return std::ranges::count(grey_first, fourcc) > 0; }
 
 std::string fourcc_text(std::uint32_t fourcc) {
   std::string out;
@@ -168,17 +179,10 @@ void V4l2Stream::negotiate(const V4l2Request& request) {
   const std::vector<std::uint32_t> offered = offered_formats(device_, type_);
   std::string names;
   for (const std::uint32_t f : offered) names += (names.empty() ? "" : ", ") + fourcc_text(f);
-  const auto& preferred = request.colour ? colour_first : grey_first;
-  const auto is_offered = [&](std::uint32_t f) { return std::ranges::count(offered, f) > 0; };
-  const auto best = std::ranges::find_if(preferred, [&](std::uint32_t f) {
-    return is_offered(f) &&
-           (request.device.fourcc.empty() || f == fourcc_of(request.device.fourcc));
-  });
-  if (best == preferred.end())
+  const std::uint32_t best = cheapest_format(offered, request.colour, request.device.fourcc);
+  if (!best)
     throw std::runtime_error(device_.path() + ": gives " + names + "; expected " +
-                             (request.device.fourcc.empty()
-                                  ? "GREY, NV12, YUYV, UYVY, Bayer of 8 bits, MJPG or JPEG"
-                                  : request.device.fourcc));
+                             expected_formats(request.device.fourcc));
   v4l2_format format{};
   format.type = type_;
   device_.command(VIDIOC_G_FMT, format, "VIDIOC_G_FMT");
@@ -188,12 +192,12 @@ void V4l2Stream::negotiate(const V4l2Request& request) {
   device_.try_command(VIDIOC_G_STD, standard);
   if (is_multi_planar(type_)) {
     auto& pix = format.fmt.pix_mp;
-    pix.width = width, pix.height = height, pix.pixelformat = *best, pix.field = V4L2_FIELD_ANY;
+    pix.width = width, pix.height = height, pix.pixelformat = best, pix.field = V4L2_FIELD_ANY;
     pix.num_planes = 1;
     pix.plane_fmt[0] = {};
   } else {
     auto& pix = format.fmt.pix;
-    pix.width = width, pix.height = height, pix.pixelformat = *best, pix.field = V4L2_FIELD_ANY;
+    pix.width = width, pix.height = height, pix.pixelformat = best, pix.field = V4L2_FIELD_ANY;
     pix.bytesperline = pix.sizeimage = 0;
   }
   device_.command(VIDIOC_S_FMT, format, "VIDIOC_S_FMT");
@@ -217,9 +221,9 @@ void V4l2Stream::negotiate(const V4l2Request& request) {
     throw std::runtime_error(device_.path() + ": gives pictures of " +
                              size_text(format.fmt.pix.width, static_cast<std::uint32_t>(lines)) +
                              "; the rig says " + size_text(width, height) + "; in " +
-                             fourcc_text(*best) + " there are " + offered_sizes(device_, *best));
-  if (format_.fourcc != *best || !fields)
-    throw std::runtime_error(device_.path() + ": asked for " + fourcc_text(*best) + ", it gives " +
+                             fourcc_text(best) + " there are " + offered_sizes(device_, best));
+  if (format_.fourcc != best || !fields)
+    throw std::runtime_error(device_.path() + ": asked for " + fourcc_text(best) + ", it gives " +
                              fourcc_text(format_.fourcc) + ", field order " +
                              std::to_string(field) + ", which is not understood here");
   format_.fields = *fields;

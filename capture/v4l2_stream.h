@@ -39,6 +39,13 @@ std::string fourcc_text(std::uint32_t fourcc);
 bool is_compressed(std::uint32_t fourcc);  ///< JPEG
 /// Whether pictures of this format can be read here.
 bool is_read_format(std::uint32_t fourcc);
+/// Of those offered the one that costs us least, 0 where none serves. `only`: this one, or empty.
+std::uint32_t cheapest_format(const std::vector<std::uint32_t>& offered, bool colour,
+                              const std::string& only);
+/// For the message where none does.
+std::string expected_formats(const std::string& only);
+/// What a whole picture has at least: drivers pad, and a compressed one has any size.
+std::size_t least_bytes(const V4l2Format& format);
 
 /// A V4L2 camera that streams into memory-mapped buffers, single- or multi-planar. One thread at a
 /// time. Ends the stream when it dies.

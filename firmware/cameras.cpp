@@ -76,8 +76,8 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config, bool may
     source.scene_start = start;
     if (source.source.empty())
       throw InputError("camera \"" + camera.name +
-                       "\" has no source; expected source = \"simulated\", \"video:PATH\" or "
-                       "\"v4l2:DEVICE\"");
+                       "\" has no source; expected source = \"simulated\", \"video:PATH\", "
+                       "\"v4l2:DEVICE\" or \"libcamera:ID\"");
     if (source.source == "simulated") check_simulated(config, id, *scene);
     cameras.push_back(make_camera(source));
   }

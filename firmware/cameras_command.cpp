@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "capture/libcamera.h"
 #include "capture/v4l2_list.h"
 #include "firmware/commands.h"
 
@@ -12,16 +13,33 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json to_json(const V4l2Listing& camera) {
+Json known(const std::string& text) { return text.empty() ? Json() : Json(text); }
+
+Json to_json(const std::vector<V4l2Offer>& offers) {
   Json formats = Json::array();
-  for (const V4l2Offer& offer : camera.offers) {
+  for (const V4l2Offer& offer : offers) {
     Json sizes = Json::array();
     for (const V4l2Size& size : offer.sizes)
       sizes.push_back({{"size", size.text}, {"frames_per_s", size.frames_per_s}});
     formats.push_back(
         {{"pixel_format", offer.fourcc}, {"usable", offer.is_read}, {"sizes", sizes}});
   }
-  const auto known = [](const std::string& text) { return text.empty() ? Json() : Json(text); };
+  return formats;
+}
+
+Json to_json(const LibcameraListing& camera) {
+  return {{"source", "libcamera:" + camera.id},
+          {"device", nullptr},
+          {"by_path", nullptr},
+          {"card", camera.model},
+          {"driver", "libcamera"},
+          {"bus", camera.id},
+          {"inputs", Json::array()},
+          {"formats", to_json(camera.offers)},
+          {"problem", known(camera.problem)}};
+}
+
+Json to_json(const V4l2Listing& camera) {
   const std::string& where = camera.by_path.empty() ? camera.device : camera.by_path;
   Json controls = Json::object();
   for (const V4l2Control& c : camera.controls)
@@ -31,7 +49,7 @@ Json to_json(const V4l2Listing& camera) {
           {"by_path", known(camera.by_path)}, {"card", camera.card},
           {"driver", camera.driver},          {"bus", camera.bus},
           {"serial", known(camera.serial)},   {"controls", controls},
-          {"inputs", camera.inputs},          {"formats", formats},
+          {"inputs", camera.inputs},          {"formats", to_json(camera.offers)},
           {"problem", known(camera.problem)}};
 }
 
@@ -44,6 +62,29 @@ std::string rates_text(const std::vector<double>& rates) {
   else
     std::snprintf(text, sizeof text, " at %.4g to %.4g/s", slowest, fastest);
   return text;
+}
+
+void print(const std::vector<V4l2Offer>& offers) {
+  std::string others;
+  for (const V4l2Offer& offer : offers) {
+    if (!offer.is_read) {
+      others += " " + offer.fourcc;
+      continue;
+    }
+    std::printf("  %-4s", offer.fourcc.c_str());
+    for (std::size_t i = 0; i < offer.sizes.size(); ++i)
+      std::printf("%s %s%s", i ? "," : "", offer.sizes[i].text.c_str(),
+                  rates_text(offer.sizes[i].frames_per_s).c_str());
+    std::printf("\n");
+  }
+  if (!others.empty()) std::printf("  not read here:%s\n", others.c_str());
+}
+
+void print(const LibcameraListing& camera) {
+  std::printf("%s  %s (libcamera)\n", camera.id.c_str(), camera.model.c_str());
+  std::printf("  source = \"libcamera:%s\"\n", camera.id.c_str());
+  if (!camera.problem.empty()) std::printf("  PROBLEM: %s\n", camera.problem.c_str());
+  print(camera.offers);
 }
 
 void print(const V4l2Listing& camera) {
@@ -61,35 +102,27 @@ void print(const V4l2Listing& camera) {
   for (const V4l2Control& c : camera.controls)
     std::printf("  %s from %.6g to %.6g, now %.6g%s\n", c.key.c_str(), c.least, c.most, c.now,
                 c.is_automatic ? ", automatic" : "");
-  std::string others;
-  for (const V4l2Offer& offer : camera.offers) {
-    if (!offer.is_read) {
-      others += " " + offer.fourcc;
-      continue;
-    }
-    std::printf("  %-4s", offer.fourcc.c_str());
-    for (std::size_t i = 0; i < offer.sizes.size(); ++i)
-      std::printf("%s %s%s", i ? "," : "", offer.sizes[i].text.c_str(),
-                  rates_text(offer.sizes[i].frames_per_s).c_str());
-    std::printf("\n");
-  }
-  if (!others.empty()) std::printf("  not read here:%s\n", others.c_str());
+  print(camera.offers);
 }
 
 int list(bool as_json) {
   const std::vector<V4l2Listing> cameras = list_v4l2_cameras();
+  const std::vector<LibcameraListing> others = list_libcamera_cameras();
   if (as_json) {
     Json out = Json::array();
     for (const V4l2Listing& camera : cameras) out.push_back(to_json(camera));
+    for (const LibcameraListing& camera : others) out.push_back(to_json(camera));
     std::printf("%s\n", out.dump(2).c_str());
   } else {
     for (const V4l2Listing& camera : cameras) print(camera);
-    if (cameras.empty())
+    for (const LibcameraListing& camera : others) print(camera);
+    if (cameras.empty() && others.empty())
       std::printf(
           "no V4L2 camera is here: none plugged in, or the kernel has no driver for it (dmesg "
           "tells)\n");
   }
-  return std::ranges::all_of(cameras, [](const auto& c) { return c.problem.empty(); })
+  const auto is_well = [](const auto& camera) { return camera.problem.empty(); };
+  return std::ranges::all_of(cameras, is_well) && std::ranges::all_of(others, is_well)
              ? exit_accepted
              : exit_failed;
 }

@@ -162,8 +162,9 @@ std::string read_source(TomlTable& camera, const std::filesystem::path& folder) 
   for (const std::string_view kind : {video, file})
     if (source.starts_with(kind) && source.size() > kind.size())
       return std::string(video) + (folder / source.substr(kind.size())).string();
+  if (source.starts_with("libcamera:")) return source;
   if (!source.starts_with(v4l2) || source.size() == v4l2.size())
-    camera.reject("source", "\"simulated\", \"video:PATH\" or \"v4l2:DEVICE\"");
+    camera.reject("source", "\"simulated\", \"video:PATH\", \"v4l2:DEVICE\" or \"libcamera:ID\"");
   return source;
 }
 
@@ -181,17 +182,19 @@ void read_picture(TomlTable& camera, PictureWishes& picture) {
 
 CameraInput read_input(TomlTable& camera, const std::filesystem::path& folder) {
   CameraInput out{read_source(camera, folder), {}};
-  if (!out.source.starts_with("v4l2:")) return out;
+  const bool is_v4l2 = out.source.starts_with("v4l2:");
+  if (!is_v4l2 && !out.source.starts_with("libcamera:")) return out;
   DeviceWishes& device = out.device;
   device.frames_per_s = camera.number("frames_per_s", between(1, 10000)).value_or(0.0);
   device.fourcc = camera.text("pixel_format").value_or("");
   if (device.fourcc.size() > 4)
     camera.reject("pixel_format", "a code of four letters like \"YUYV\"");
-  device.input = camera.text("input").value_or("");
-  device.standard = camera.choice("standard", {"PAL", "NTSC", "SECAM"}).value_or("");
   device.model = camera.text("model").value_or("");
   device.serial = camera.text("serial").value_or("");
   read_picture(camera, device.picture);
+  if (!is_v4l2) return out;
+  device.input = camera.text("input").value_or("");
+  device.standard = camera.choice("standard", {"PAL", "NTSC", "SECAM"}).value_or("");
   return out;
 }
 

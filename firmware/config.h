@@ -22,7 +22,7 @@ struct ListenAddress {
 
 /// How a camera's pictures come.
 struct CameraInput {
-  std::string source;  ///< "simulated", "video:PATH", "v4l2:DEVICE", or empty: not said
+  std::string source;  ///< "simulated", "video:PATH", "v4l2:DEVICE", "libcamera:ID"; empty: not said
   DeviceWishes device;
 };
 

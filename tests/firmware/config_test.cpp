@@ -182,8 +182,8 @@ TEST(Config, EveryErrorNamesFileLineKeyAndExpectation) {
        "a "
        "radtan lens, got 1 values"},
       {north_with("cy_px = 359.5\nsource = \"usb\"", "cy_px = 359.5"),
-       "rig.toml:10: camera \"north\": source must be \"simulated\", \"video:PATH\" or "
-       "\"v4l2:DEVICE\", got "
+       "rig.toml:10: camera \"north\": source must be \"simulated\", \"video:PATH\", "
+       "\"v4l2:DEVICE\" or \"libcamera:ID\", got "
        "\"usb\""},
       {north, "rig.toml: expected 2 to 64 [[camera]] tables, got 1"},
       {"camera = 3\n", "rig.toml:1: camera must be a list of tables, written [[camera]]"},

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "capture/libcamera_stream.h"
+
+#include <libcamera/control_ids.h>
+#include <linux/dma-buf.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "capture/libcamera_list.h"
+#include "capture/live_camera.h"
+
+namespace throwcal {
+namespace {
+
+constexpr unsigned wanted_buffers = 8;
+
+[[noreturn]] void fail(const std::string& camera, const char* what, int code) {
+  throw DeviceError(camera + ": " + what + ": " + std::strerror(code), code);
+}
+
+/// Whether the planes of a buffer follow each other in one piece of memory.
+bool is_one_piece(const std::vector<libcamera::FrameBuffer::Plane>& planes) {
+  for (std::size_t i = 1; i < planes.size(); ++i)
+    if (planes[i].fd.get() != planes[0].fd.get() ||
+        planes[i].offset != planes[i - 1].offset + planes[i - 1].length)
+      return false;
+  return true;
+}
+
+void sync(int fd, std::uint64_t flags) {
+  dma_buf_sync command{flags | DMA_BUF_SYNC_READ};
+  while (ioctl(fd, DMA_BUF_IOCTL_SYNC, &command) != 0 && errno == EINTR) {
+  }
+}
+
+/// All that the camera offers in formats read here.
+std::string offered_text(const libcamera::StreamFormats& formats) {
+  std::string out;
+  for (const libcamera::PixelFormat& format : formats.pixelformats())
+    out += (out.empty() ? "" : ", ") + format.toString();
+  return out;
+}
+
+template <typename T>
+T limited(const libcamera::ControlInfoMap& has, const libcamera::Control<T>& control,
+          double value) {
+  const libcamera::ControlInfo& info = has.at(&control);
+  const double least = static_cast<double>(info.min().get<T>()),
+               most = static_cast<double>(info.max().get<T>());
+  return static_cast<T>(std::clamp(value, least, std::max(least, most)));
+}
+
+}  // namespace
+
+libcamera::ControlList control_list(const libcamera::ControlInfoMap& has,
+                                    const LibcameraControls& wanted) {
+  namespace controls = libcamera::controls;
+  libcamera::ControlList out(controls::controls);
+  if (wanted.frames_per_s > 0 && has.count(&controls::FrameDurationLimits)) {
+    const libcamera::ControlInfo& info = has.at(&controls::FrameDurationLimits);
+    const std::int64_t least = info.min().get<std::int64_t>(),
+                       most = std::max(least, info.max().get<std::int64_t>());
+    const std::int64_t us =
+        std::clamp<std::int64_t>(std::llround(1e6 / wanted.frames_per_s), least, most);
+    out.set(controls::FrameDurationLimits, libcamera::Span<const std::int64_t, 2>({us, us}));
+  }
+  if ((wanted.exposure_s || wanted.gain) && has.count(&controls::AeEnable))
+    out.set(controls::AeEnable, false);
+  if (wanted.exposure_s && has.count(&controls::ExposureTime))
+    out.set(controls::ExposureTime,
+            limited(has, controls::ExposureTime, std::round(*wanted.exposure_s * 1e6)));
+  if (wanted.gain && has.count(&controls::AnalogueGain))
+    out.set(controls::AnalogueGain, limited(has, controls::AnalogueGain, *wanted.gain));
+  return out;
+}
+
+MappedBuffer::MappedBuffer(const libcamera::FrameBuffer& buffer, bool first_plane,
+                           const std::string& camera) {
+  const auto& planes = buffer.planes();
+  if (planes.empty() || (!first_plane && !is_one_piece(planes)))
+    throw std::runtime_error(camera +
+                             ": has its planes in several places, which is not read in "
+                             "colour");
+  const auto& last = first_plane ? planes.front() : planes.back();
+  fd_ = planes.front().fd.get();
+  length_ = std::size_t{last.offset} + last.length;
+  address_ = mmap(nullptr, length_, PROT_READ, MAP_SHARED, fd_, 0);
+  if (address_ == MAP_FAILED) fail(camera, "mmap", errno);
+  bytes_ =
+      std::span(static_cast<const std::uint8_t*>(address_), length_).subspan(planes.front().offset);
+}
+
+MappedBuffer::MappedBuffer(MappedBuffer&& other) noexcept
+    : address_(std::exchange(other.address_, nullptr)),
+      length_(other.length_),
+      fd_(other.fd_),
+      bytes_(other.bytes_) {}
+
+MappedBuffer::~MappedBuffer() {
+  if (address_) munmap(address_, length_);
+}
+
+void MappedBuffer::begin_reading() const { sync(fd_, DMA_BUF_SYNC_START); }
+void MappedBuffer::end_reading() const { sync(fd_, DMA_BUF_SYNC_END); }
+
+LibcameraStream::LibcameraStream(std::shared_ptr<libcamera::Camera> camera,
+                                 const V4l2Request& wanted)
+    : camera_(std::move(camera)) {
+  const int acquired = camera_->acquire();
+  if (acquired == -EBUSY) fail(camera_->id(), "is used by another", EBUSY);
+  check(acquired, "acquire");
+  lease_.camera = camera_;
+  configure(wanted);
+  map();
+  camera_->requestCompleted.connect(this, &LibcameraStream::completed);
+  camera_->disconnected.connect(this, &LibcameraStream::disconnected);
+}
+
+LibcameraStream::~LibcameraStream() {
+  camera_->stop();  // of a camera that does not run: nothing. Returns when the last callback has
+  camera_->requestCompleted.disconnect(this);
+  camera_->disconnected.disconnect(this);
+}
+
+void LibcameraStream::check(int result, const char* what) const {
+  if (result < 0) fail(camera_->id(), what, -result);
+}
+
+void LibcameraStream::configure(const V4l2Request& wanted) {
+  configuration_ = video_configuration(*camera_);
+  if (!configuration_) throw std::runtime_error(camera_->id() + ": gives no video");
+  libcamera::StreamConfiguration& stream = configuration_->at(0);
+  const libcamera::StreamFormats formats = stream.formats();
+  const std::vector<libcamera::PixelFormat> offered = formats.pixelformats();
+  std::vector<std::uint32_t> read;
+  std::ranges::transform(offered, std::back_inserter(read), read_fourcc);
+  const std::uint32_t best = cheapest_format(read, wanted.colour, wanted.fourcc);
+  if (!best)
+    throw std::runtime_error(camera_->id() + ": gives " + offered_text(formats) + "; expected " +
+                             expected_formats(wanted.fourcc));
+  const libcamera::PixelFormat chosen = *std::ranges::find(offered, best, read_fourcc);
+  stream.pixelFormat = chosen;
+  stream.size = {static_cast<unsigned>(wanted.width_px), static_cast<unsigned>(wanted.height_px)};
+  stream.bufferCount = std::max(stream.bufferCount, wanted_buffers);
+  const libcamera::Size asked = stream.size;
+  const bool is_valid = configuration_->validate() != libcamera::CameraConfiguration::Invalid;
+  if (!is_valid || stream.size != asked || read_fourcc(stream.pixelFormat) != best)
+    throw std::runtime_error(camera_->id() + ": gives pictures of " + stream.toString() +
+                             "; the rig says " + size_text(asked.width, asked.height) + "; in " +
+                             fourcc_text(best) + " there are " + sizes_text(formats, chosen));
+  check(camera_->configure(configuration_.get()), "configure");
+  stream_ = stream.stream();
+  format_.fourcc = best;
+  format_.width_px = wanted.width_px, format_.height_px = wanted.height_px;
+  format_.stride_bytes = stream.stride;
+  format_.card = camera_->id(), format_.driver = "libcamera";
+  // Luma comes first, whatever follows it.
+  if (best == V4L2_PIX_FMT_NV12 && !wanted.colour) format_.fourcc = V4L2_PIX_FMT_GREY;
+  format_.least_bytes = least_bytes(format_);
+}
+
+void LibcameraStream::map() {
+  allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
+  check(allocator_->allocate(stream_), "has no memory for buffers");
+  const bool first_plane = format_.fourcc != V4L2_PIX_FMT_NV12;
+  for (const auto& buffer : allocator_->buffers(stream_)) {
+    const auto& mapped =
+        pixels_.emplace(buffer.get(), MappedBuffer(*buffer, first_plane, camera_->id()));
+    if (mapped.first->second.bytes().size() < format_.least_bytes)
+      throw std::runtime_error(camera_->id() + ": has buffers smaller than its pictures");
+    auto request = camera_->createRequest();
+    if (!request) fail(camera_->id(), "createRequest", ENOMEM);
+    check(request->addBuffer(stream_, buffer.get()), "addBuffer");
+    requests_.push_back(std::move(request));
+  }
+  done_.resize(requests_.size());
+}
+
+void LibcameraStream::start(const LibcameraControls& controls) {
+  const libcamera::ControlList list = control_list(has(), controls);
+  check(camera_->start(&list), "start");
+  // Some pipelines follow only the controls that come with a request.
+  requests_.front()->controls().merge(list);
+  for (const auto& request : requests_) check(camera_->queueRequest(request.get()), "queueRequest");
+}
+
+void LibcameraStream::completed(libcamera::Request* request) {
+  if (request->status() == libcamera::Request::RequestCancelled) return;  // the stream ends
+  const HostTime at = now();
+  {
+    const std::lock_guard lock(mutex_);
+    done_[(first_ + count_++) % done_.size()] = {request, at};
+  }
+  ready_.set();
+}
+
+void LibcameraStream::disconnected() {
+  is_gone_ = true;
+  ready_.set();
+}
+
+std::optional<LibcameraStream::Picture> LibcameraStream::take() {
+  ready_.clear();
+  if (is_gone_) fail(camera_->id(), "was unplugged", ENODEV);
+  Done done;
+  {
+    const std::lock_guard lock(mutex_);
+    if (count_ == 0) return std::nullopt;
+    done = done_[first_];
+    first_ = (first_ + 1) % done_.size();
+    if (--count_ > 0) ready_.set();
+  }
+  const libcamera::FrameBuffer* buffer = done.request->findBuffer(stream_);
+  const libcamera::FrameMetadata& metadata = buffer->metadata();
+  Picture out;
+  out.request = done.request, out.pixels = &pixels_.at(buffer), out.completed = done.at;
+  out.sequence = metadata.sequence;
+  out.bytes = out.pixels->bytes();
+  std::size_t used = 0;
+  for (const auto& plane : metadata.planes()) used += plane.bytesused;
+  // A pipeline that does not say how much it wrote wrote a picture.
+  if (used > 0) out.bytes = out.bytes.first(std::min(used, out.bytes.size()));
+  out.is_damaged = metadata.status == libcamera::FrameMetadata::FrameError ||
+                   metadata.status == libcamera::FrameMetadata::FrameCancelled ||
+                   out.bytes.size() < format_.least_bytes;
+  return out;
+}
+
+void LibcameraStream::give_back(const Picture& picture) {
+  picture.request->reuse(libcamera::Request::ReuseBuffers);
+  check(camera_->queueRequest(picture.request), "queueRequest");
+}
+
+}  // namespace throwcal
