@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// grab WIDTHxHEIGHT SECONDS KEY=VALUE... DEVICE...: grabs from V4L2 cameras, each DEVICE one, for
-// some seconds, or until each gave frames=N, or it gets SIGTERM. Prints a line when a camera is
-// lost or back, and one a camera when it ends (JSON: its counters). Keys: fps, format, input,
-// standard, exposure (s), gain, serial (of the cameras after it), missing=1 (wait for one that is
-// not there), frames, times=FILE: a line a frame, "DEVICE SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when
-// a reader had it), and rounds=A,B,...: all of it again and again, until each camera gave A frames,
-// then B ...
+// grab WIDTHxHEIGHT SECONDS KEY=VALUE... CAMERA...: grabs from cameras, each CAMERA a V4L2 device
+// or a whole source ("libcamera:0"), for some seconds, or until each gave frames=N, or it gets
+// SIGTERM. Prints a line when a camera is lost or back, and one a camera when it ends (JSON: its
+// counters). Keys: fps, format, input, standard, exposure (s), gain, serial (of the cameras after
+// it), missing=1 (wait for one that is not there), frames, times=FILE: a line a frame, "CAMERA
+// SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it), and rounds=A,B,...: all of it again
+// and again, until each camera gave A frames, then B ...
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -40,6 +40,13 @@ std::int64_t cpu_ns() {
   timespec used{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
   return used.tv_sec * 1'000'000'000LL + used.tv_nsec;
+}
+
+long resident_kb() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with("VmRSS:")) return std::stol(line.substr(6));
+  return 0;
 }
 
 struct Taken {
@@ -93,6 +100,7 @@ struct Station {
             {"mode", grabber->camera().identity().mode},
             {"cpu_us_a_frame", 1e-3 * static_cast<double>(cpu_ns() - cpu_at_first_ns) /
                                    static_cast<double>(std::max<std::uint64_t>(1, frames))},
+            {"resident_kb", resident_kb()},
             {"files", std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {})},
             {"error", s.error}}
             .dump()
@@ -136,7 +144,7 @@ int run(int argc, char** argv, std::uint64_t enough) {
     else {
       source.id = static_cast<CameraId>(stations.size());
       source.name = word;
-      source.source = "v4l2:" + word;
+      source.source = word.starts_with("/") ? "v4l2:" + word : word;
       stations.push_back(std::make_unique<Station>());
       stations.back()->grabber = std::make_unique<Grabber>(make_camera(source), ring_slots);
     }

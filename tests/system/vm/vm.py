@@ -28,9 +28,9 @@ def skip(why: str) -> None:
     sys.exit(77)
 
 
-def need_image(kernel: int) -> None:
+def need_image(kernel: int, *extra: str) -> None:
     """Makes the image where there is none; ends the test with 77 where this machine cannot."""
-    made = subprocess.run([HERE / "image", str(kernel)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    made = subprocess.run([HERE / "image", str(kernel), *extra], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if made.returncode != 0:
         skip(f"needs the virtual machine's image: {made.stderr.strip()[-2000:]}")
     print(made.stderr, end="", flush=True)
@@ -39,7 +39,7 @@ def need_image(kernel: int) -> None:
 def run_in_guest(kernel: int, files: dict[str, pathlib.Path | str], script: str, timeout: int = 60, options: tuple[str, ...] = ()) -> Result:
     """Runs a bash script in /share of a fresh machine (kernel of Debian 12 or 13), with `files` there: the copy of a path, or a text.
     `options` are those of `run`."""
-    need_image(kernel)
+    need_image(kernel, *(option for option in options if option == "--libcamera"))
     with tempfile.TemporaryDirectory() as folder:
         share = pathlib.Path(folder)
         for name, content in (files | {"run.sh": script}).items():
