@@ -22,7 +22,8 @@ struct ListenAddress {
 
 /// How a camera's pictures come.
 struct CameraInput {
-  std::string source;  ///< "simulated", "video:PATH", "v4l2:DEVICE", "libcamera:ID"; empty: not said
+  /// "simulated", "video:PATH", "v4l2:DEVICE", "libcamera:ID"; empty: not said
+  std::string source;
   DeviceWishes device;
 };
 

@@ -172,7 +172,10 @@ def check_matrix(result: vm.Result) -> None:
     for counted, frames in zip(rounds, [n for n in ROUNDS * 2 for _ in range(2)]):
         assert counted["error"] == "" and counted["frames"] >= frames and counted["interruptions"] == 0, (counted, frames)
     files, kb = [r["files"] for r in rounds[1::2]], [r["resident_kb"] for r in rounds[1::2]]
-    print(f"  started and stopped {len(files)} times: open files {files[0]} -> {files[-1]}, resident kB {kb[0]} -> {kb[len(ROUNDS) - 1]} -> {kb[-1]}", flush=True)
+    print(
+        f"  started and stopped {len(files)} times: open files {files[0]} -> {files[-1]}, resident kB {kb[0]} -> {kb[len(ROUNDS) - 1]} -> {kb[-1]}",
+        flush=True,
+    )
     assert files[-1] <= files[0] and kb[-1] < kb[len(ROUNDS) - 1] + 1000, (files, kb)
 
 
