@@ -3,9 +3,9 @@
 // or a whole source ("libcamera:0"), for some seconds, or until each gave frames=N, or it gets
 // SIGTERM. Prints a line when a camera is lost or back, and one a camera when it ends (JSON: its
 // counters). Keys: fps, format, input, standard, exposure (s), gain, serial (of the cameras after
-// it), missing=1 (wait for one that is not there), frames, times=FILE: a line a frame, "CAMERA
-// SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it), and rounds=A,B,...: all of it again
-// and again, until each camera gave A frames, then B ...
+// it), missing=1 (wait for one that is not there), colour=1, frames, times=FILE: a line a frame,
+// "CAMERA SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it), and rounds=A,B,...: all of it
+// again and again, until each camera gave A frames, then B ...
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -63,11 +64,17 @@ struct Station {
   std::string told;
   Frame last;
   std::int64_t cpu_at_first_ns = 0;
+  std::uint8_t darkest = 0, brightest = 0;  ///< in the first frame's first plane
 
   void read() {
     while (const auto lease = grabber->take()) {
       if (taken.empty()) cpu_at_first_ns = cpu_ns();
       last = lease->frame();
+      if (taken.empty()) {
+        const ImageView& image = last.image;
+        const std::span plane(image.data, image.stride_bytes * image.height_px);
+        darkest = *std::ranges::min_element(plane), brightest = *std::ranges::max_element(plane);
+      }
       taken.push_back({last.sequence, last.row0_mid_exposure.time_since_epoch().count(), now_ns()});
       ++frames;
     }
@@ -100,6 +107,7 @@ struct Station {
             {"mode", grabber->camera().identity().mode},
             {"cpu_us_a_frame", 1e-3 * static_cast<double>(cpu_ns() - cpu_at_first_ns) /
                                    static_cast<double>(std::max<std::uint64_t>(1, frames))},
+            {"levels", {darkest, brightest}},
             {"resident_kb", resident_kb()},
             {"files", std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {})},
             {"error", s.error}}
@@ -137,6 +145,8 @@ int run(int argc, char** argv, std::uint64_t enough) {
       source.may_be_missing = true;
     else if (word.starts_with("frames="))
       enough = std::stoull(value);
+    else if (word.starts_with("colour="))
+      source.colour = value == "1";
     else if (word.starts_with("rounds="))
       continue;
     else if (word.starts_with("times="))

@@ -53,6 +53,7 @@ for source in libcamera:nobody libcamera:7 libcamera:; do ./grab 160x120 1 $sour
 ./grab 160x120 1 format=YUYV libcamera:one > out/error.format 2>&1 || true
 ./grab 160x120 1 libcamera:one libcamera:0 > out/error.twice 2>&1 || true
 ./grab 160x120 20 frames={FRAMES} fps=30 times=out/alone.frames libcamera:one > out/alone.log 2>&1
+./grab 160x120 20 frames=20 colour=1 libcamera:one > out/colour.log 2>&1
 grab counted "fps=30 first=-30 lose=10 damage=8 exposure_us={EXPOSURE_US}" 160x120 60 frames={FRAMES} fps=30 libcamera:0 libcamera:two
 grab whole "fps=30" 160x120 60 frames={FRAMES} libcamera:one
 grab lost "fps=30 gone=30 nostart=3 starve=80 refuse=120" 160x120 60 frames=110 libcamera:one
@@ -92,6 +93,9 @@ def check_alone(result: vm.Result) -> None:
     steps = intervals_ms(frames)
     print(f"  the pipeline alone: {len(frames)} frames, {steps[0]:.2f} to {steps[-1]:.2f} ms apart where 33.3 were asked for; {counted}", flush=True)
     assert len(frames) + counted["damaged"] >= FRAMES and counted["error"] == "" and counted["interruptions"] == 0, counted
+    (coloured,) = map(json.loads, result.text("colour.log").splitlines())
+    assert counted["levels"] == coloured["levels"] and coloured["levels"][0] < 40 and coloured["levels"][1] > 200, (counted, coloured)
+    assert coloured["frames"] >= 20 and coloured["damaged"] == 0, coloured
     assert steps[0] > 0 and counted["timestamps"] == "start of exposure", (steps[0], counted)
 
 
