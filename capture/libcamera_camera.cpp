@@ -2,6 +2,7 @@
 #include "capture/libcamera_camera.h"
 
 #include <libcamera/control_ids.h>
+#include <libcamera/property_ids.h>
 
 #include <utility>
 
@@ -22,38 +23,27 @@ std::unique_ptr<Camera> make_libcamera_camera(const CameraSource& source,
 }
 
 LibcameraCamera::LibcameraCamera(const CameraSource& source, const std::string& which)
-    : source_(source), clock_(0, 0, 0) {
+    : source_(source), id_(which), clock_(0, 0, 0) {
+  format_ = widest_format(source_);
   try {
-    const auto camera = find_libcamera_camera(which);
-    id_ = camera->id();
-    stream_ = std::make_unique<LibcameraStream>(camera, request());
+    open();
+    const V4l2Format& given = stream_->format();
+    format_ = {given.width_px, given.height_px, pixels_, given.frames_per_s};
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error("camera " + source_.name + ": " + error.what());
+    if (!source_.may_be_missing || !may_pass(error))
+      throw std::runtime_error("camera " + source_.name + ": " + error.what());
+    error_ = open_error(id_, error, false);
   }
-  const V4l2Format& given = stream_->format();
-  picture_.emplace(given, source_.colour);
-  // What FrameDurationLimits asks for is what comes; who has no such control does as it likes.
-  const libcamera::ControlList told = control_list(stream_->has(), controls());
-  const auto limits_us = told.get(libcamera::controls::FrameDurationLimits);
-  const double interval_s = limits_us ? 1e-6 * static_cast<double>((*limits_us)[0]) : 0.0;
-  format_ = {given.width_px, given.height_px, picture_->format(),
-             interval_s > 0 ? 1 / interval_s : 0.0};
-  clock_ = {interval_s, 0.0, source_.model.row_time_s * source_.model.height_px};
 }
 
-V4l2Request LibcameraCamera::request() const {
-  return {.width_px = source_.model.width_px,
-          .height_px = source_.model.height_px,
-          .frames_per_s = source_.v4l2.frames_per_s,
-          .colour = source_.colour,
-          .fourcc = source_.v4l2.fourcc,
-          .input = {},
-          .standard = {}};
+CameraIdentity LibcameraCamera::identity() const {
+  const std::lock_guard lock(mutex_);
+  return identity_;
 }
 
-/// Exposure and gain come here, once a source has them.
-LibcameraControls LibcameraCamera::controls() const {
-  return {.frames_per_s = source_.v4l2.frames_per_s, .exposure_s = {}, .gain = {}};
+PictureSettings LibcameraCamera::settings() const {
+  const std::lock_guard lock(mutex_);
+  return settings_;
 }
 
 Camera::Outcome LibcameraCamera::lost(std::string why) {
@@ -63,30 +53,58 @@ Camera::Outcome LibcameraCamera::lost(std::string why) {
   return Outcome::lost;
 }
 
-bool LibcameraCamera::open() {
-  try {
-    auto stream = std::make_unique<LibcameraStream>(find_libcamera_camera(id_), request());
-    RawPicture picture(stream->format(), source_.colour);
-    if (picture.format() != format_.format) throw std::runtime_error(id_ + ": is another camera");
-    stream_ = std::move(stream);
-    picture_ = std::move(picture);
-  } catch (const std::runtime_error& error) {
-    error_ = error.what();
-    return false;
+/// Throws where it can't be had, or is another camera than is wanted or was here before.
+void LibcameraCamera::open() {
+  const auto camera = find_libcamera_camera(id_);
+  const V4l2Request request{source_.model.width_px, source_.model.height_px, source_.colour,
+                            source_.device};
+  auto stream = std::make_unique<LibcameraStream>(camera, request);
+  const V4l2Format& given = stream->format();
+  const auto model = camera->properties().get(libcamera::properties::Model);
+  const CameraIdentity found{camera->id(), model.value_or(""), {}, mode_text(given)};
+  {
+    const std::lock_guard lock(mutex_);
+    identity_ = found;
   }
+  check_identity(camera->id(), found, source_, accepted_);
+  RawPicture picture(given, source_.colour);
+  if (accepted_ && picture.format() != pixels_)
+    throw WrongCamera(id_ + ": gives other pixels than before");
+  pixels_ = picture.format();
+  id_ = camera->id();  // a number may be another's tomorrow
+  accepted_ = found;
+  stream_ = std::move(stream);
+  picture_ = std::move(picture);
   sequence_.restart();
-  clock_.restart();
-  return true;
+  clock_ = {given.frames_per_s > 0 ? 1 / given.frames_per_s : 0.0, 0.0,
+            source_.model.row_time_s * source_.model.height_px};
+}
+
+/// What a frame was taken with.
+void LibcameraCamera::read_settings(const libcamera::ControlList& told) {
+  namespace controls = libcamera::controls;
+  PictureSettings now;
+  if (const auto us = told.get(controls::ExposureTime)) now.exposure_s = 1e-6 * *us;
+  if (const auto gain = told.get(controls::AnalogueGain)) now.gain = *gain;
+  if (const auto dioptres = told.get(controls::LensPosition)) now.focus = *dioptres;
+  if (const auto kelvin = told.get(controls::ColourTemperature)) now.white_balance_k = *kelvin;
+  if (source_.device.picture.automatic) now.automatic = {"exposure", "white balance"};
+  const std::lock_guard lock(mutex_);
+  settings_ = now;
 }
 
 Camera::Outcome LibcameraCamera::next(std::span<std::uint8_t> slot, Frame& frame) {
   if (!stream_) {
     if (interrupted_.wait(-1, retry_period) == EventFlag::Woken::by_flag)
       return Outcome::interrupted;
-    if (!open()) return Outcome::lost;
+    try {
+      open();
+    } catch (const std::runtime_error& error) {
+      return lost(open_error(id_, error, accepted_.has_value()));
+    }
   }
   try {
-    if (!std::exchange(is_streaming_, true)) stream_->start(controls());
+    if (!std::exchange(is_streaming_, true)) stream_->start();
     for (int idle = 0; idle < max_idle_wakes; ++idle) {
       switch (interrupted_.wait(stream_->fd(), patience)) {
         case EventFlag::Woken::by_flag:
@@ -108,7 +126,8 @@ Camera::Outcome LibcameraCamera::give(const LibcameraStream::Picture& given,
                                       std::span<std::uint8_t> slot, Frame& frame) {
   namespace controls = libcamera::controls;
   const libcamera::ControlList& told = given.request->metadata();
-  const double exposure_s = 1e-6 * told.get(controls::ExposureTime).value_or(0);
+  read_settings(told);
+  const double exposure_s = settings_.exposure_s.value_or(0.0);
   DriverStamp stamp{.stamp = {},
                     .source = TimestampSource::start_of_exposure,
                     .dequeued = given.completed,
@@ -131,7 +150,7 @@ Camera::Outcome LibcameraCamera::give(const LibcameraStream::Picture& given,
   frame.time_sigma = moment.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);
   frame.exposure = from_seconds(exposure_s);
-  frame.image = view_of(slot, format_);
+  frame.image = view_of(slot, {format_.width_px, format_.height_px, pixels_, 0.0});
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -16,11 +17,11 @@
 namespace throwcal {
 
 /// A camera behind libcamera. Where it is unplugged, or does not start, it is tried again four
-/// times a second until it is back; `lost` says so meanwhile.
+/// times a second until it is back, and it must be the same one; `lost` says so meanwhile.
 class LibcameraCamera : public Camera {
  public:
-  /// Opens the camera once, to know what it gives. Throws std::runtime_error: the camera, what was
-  /// asked and what there is.
+  /// Opens the camera, to know what it gives. Throws std::runtime_error: the camera, what was asked
+  /// and what there is; of a camera that is not there only unless it may be missing.
   LibcameraCamera(const CameraSource& source, const std::string& which);
 
   const std::string& name() const override { return source_.name; }
@@ -30,17 +31,23 @@ class LibcameraCamera : public Camera {
   Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
   void interrupt() override { interrupted_.set(); }
   std::string error() const override { return error_; }
+  CameraIdentity identity() const override;
+  PictureSettings settings() const override;
 
  private:
-  V4l2Request request() const;
-  LibcameraControls controls() const;
-  bool open();
+  void open();
+  void read_settings(const libcamera::ControlList& told);
   Outcome lost(std::string why);
   Outcome give(const LibcameraStream::Picture& picture, std::span<std::uint8_t> slot, Frame& frame);
 
   CameraSource source_;
   std::string id_, error_;
   Format format_;
+  PixelFormat pixels_ = PixelFormat::grey;  ///< of the frames
+  std::optional<CameraIdentity> accepted_;  ///< when it was first opened
+  mutable std::mutex mutex_;                ///< guards the next two
+  CameraIdentity identity_;                 ///< of what is there now, right or wrong
+  PictureSettings settings_;
   EventFlag interrupted_;
   std::unique_ptr<LibcameraStream> stream_;
   bool is_streaming_ = false;

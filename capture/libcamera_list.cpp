@@ -7,6 +7,7 @@
 #include <libcamera/property_ids.h>
 #include <linux/videodev2.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
@@ -101,11 +102,11 @@ std::shared_ptr<libcamera::Camera> find_libcamera_camera(const std::string& whic
     known += (known.empty() ? "" : ", ") + std::to_string(i) + " \"" + cameras[i]->id() + "\"";
   }
   if (known.empty())
-    throw std::runtime_error(
-        "libcamera has no camera here; `throwcal cameras` lists what there is");
-  throw std::runtime_error(which.empty() ? "libcamera has several cameras; expected one of " + known
-                                         : "libcamera has no camera \"" + which +
-                                               "\"; expected one of " + known);
+    throw DeviceError("libcamera has no camera here; `throwcal cameras` lists what there is",
+                      ENODEV);
+  if (which.empty())
+    throw std::runtime_error("libcamera has several cameras; expected one of " + known);
+  throw DeviceError("libcamera has no camera \"" + which + "\"; expected one of " + known, ENODEV);
 }
 
 std::vector<LibcameraListing> list_libcamera_cameras() {

@@ -11,7 +11,9 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 
 #include "capture/libcamera_list.h"
@@ -54,19 +56,34 @@ std::string offered_text(const libcamera::StreamFormats& formats) {
   return out;
 }
 
+std::string text_of(double number) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", number);
+  return text;
+}
+
+/// `wish` is in the rig file's unit, the control in one of `unit` times that.
 template <typename T>
-T limited(const libcamera::ControlInfoMap& has, const libcamera::Control<T>& control,
-          double value) {
+void set(libcamera::ControlList& out, const libcamera::ControlInfoMap& has,
+         const libcamera::Control<T>& control, const char* key, const std::optional<double>& wish,
+         double unit) {
+  if (!wish) return;
+  const std::string place = std::string(key) + " = " + text_of(*wish) + ": ";
+  if (!has.count(&control)) throw std::runtime_error(place + "the camera has no such control");
   const libcamera::ControlInfo& info = has.at(&control);
-  const double least = static_cast<double>(info.min().get<T>()),
-               most = static_cast<double>(info.max().get<T>());
-  return static_cast<T>(std::clamp(value, least, std::max(least, most)));
+  const double least = unit * static_cast<double>(info.min().get<T>()),
+               most = unit * static_cast<double>(info.max().get<T>());
+  if (*wish < least || *wish > most)
+    throw std::runtime_error(place + "the camera goes from " + text_of(least) + " to " +
+                             text_of(most));
+  const double value = *wish / unit;
+  out.set(control, static_cast<T>(std::is_integral_v<T> ? std::round(value) : value));
 }
 
 }  // namespace
 
 libcamera::ControlList control_list(const libcamera::ControlInfoMap& has,
-                                    const LibcameraControls& wanted) {
+                                    const DeviceWishes& wanted) {
   namespace controls = libcamera::controls;
   libcamera::ControlList out(controls::controls);
   if (wanted.frames_per_s > 0 && has.count(&controls::FrameDurationLimits)) {
@@ -77,13 +94,15 @@ libcamera::ControlList control_list(const libcamera::ControlInfoMap& has,
         std::clamp<std::int64_t>(std::llround(1e6 / wanted.frames_per_s), least, most);
     out.set(controls::FrameDurationLimits, libcamera::Span<const std::int64_t, 2>({us, us}));
   }
-  if ((wanted.exposure_s || wanted.gain) && has.count(&controls::AeEnable))
-    out.set(controls::AeEnable, false);
-  if (wanted.exposure_s && has.count(&controls::ExposureTime))
-    out.set(controls::ExposureTime,
-            limited(has, controls::ExposureTime, std::round(*wanted.exposure_s * 1e6)));
-  if (wanted.gain && has.count(&controls::AnalogueGain))
-    out.set(controls::AnalogueGain, limited(has, controls::AnalogueGain, *wanted.gain));
+  const PictureWishes& picture = wanted.picture;
+  if (picture.automatic) return out;
+  if (has.count(&controls::AeEnable)) out.set(controls::AeEnable, false);
+  if (has.count(&controls::AwbEnable)) out.set(controls::AwbEnable, false);
+  if (has.count(&controls::AfMode)) out.set(controls::AfMode, controls::AfModeManual);
+  set(out, has, controls::ExposureTime, "exposure_s", picture.exposure_s, 1e-6);
+  set(out, has, controls::AnalogueGain, "gain", picture.gain, 1);
+  set(out, has, controls::LensPosition, "focus", picture.focus, 1);
+  set(out, has, controls::ColourTemperature, "white_balance_k", picture.white_balance_k, 1);
   return out;
 }
 
@@ -124,6 +143,14 @@ LibcameraStream::LibcameraStream(std::shared_ptr<libcamera::Camera> camera,
   check(acquired, "acquire");
   lease_.camera = camera_;
   configure(wanted);
+  try {
+    controls_ = control_list(camera_->controls(), wanted.device);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(camera_->id() + ": " + error.what());
+  }
+  // What FrameDurationLimits asks for is what comes; who has no such control does as it likes.
+  if (const auto limits_us = controls_.get(libcamera::controls::FrameDurationLimits))
+    format_.frames_per_s = 1e6 / static_cast<double>((*limits_us)[0]);
   map();
   camera_->requestCompleted.connect(this, &LibcameraStream::completed);
   camera_->disconnected.connect(this, &LibcameraStream::disconnected);
@@ -147,10 +174,10 @@ void LibcameraStream::configure(const V4l2Request& wanted) {
   const std::vector<libcamera::PixelFormat> offered = formats.pixelformats();
   std::vector<std::uint32_t> read;
   std::ranges::transform(offered, std::back_inserter(read), read_fourcc);
-  const std::uint32_t best = cheapest_format(read, wanted.colour, wanted.fourcc);
+  const std::uint32_t best = cheapest_format(read, wanted.colour, wanted.device.fourcc);
   if (!best)
     throw std::runtime_error(camera_->id() + ": gives " + offered_text(formats) + "; expected " +
-                             expected_formats(wanted.fourcc));
+                             expected_formats(wanted.device.fourcc));
   const libcamera::PixelFormat chosen = *std::ranges::find(offered, best, read_fourcc);
   stream.pixelFormat = chosen;
   stream.size = {static_cast<unsigned>(wanted.width_px), static_cast<unsigned>(wanted.height_px)};
@@ -189,11 +216,10 @@ void LibcameraStream::map() {
   done_.resize(requests_.size());
 }
 
-void LibcameraStream::start(const LibcameraControls& controls) {
-  const libcamera::ControlList list = control_list(has(), controls);
-  check(camera_->start(&list), "start");
+void LibcameraStream::start() {
+  check(camera_->start(&controls_), "start");
   // Some pipelines follow only the controls that come with a request.
-  requests_.front()->controls().merge(list);
+  requests_.front()->controls().merge(controls_);
   for (const auto& request : requests_) check(camera_->queueRequest(request.get()), "queueRequest");
 }
 

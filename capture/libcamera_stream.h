@@ -19,14 +19,10 @@
 
 namespace throwcal {
 
-/// What a camera is told when it starts.
-struct LibcameraControls {
-  double frames_per_s = 0.0;               ///< 0: as the pipeline is set
-  std::optional<double> exposure_s, gain;  ///< either: the automatic is off
-};
-/// Of these, in libcamera's words and within its limits, what a camera has.
+/// What a camera is told when it starts, in libcamera's words: its automatics off unless wanted, a
+/// rate as near as it goes. Throws std::runtime_error: a number that it has not, or not so far.
 libcamera::ControlList control_list(const libcamera::ControlInfoMap& has,
-                                    const LibcameraControls& wanted);
+                                    const DeviceWishes& wanted);
 
 /// The pixels of a libcamera buffer in our memory.
 class MappedBuffer {
@@ -54,16 +50,16 @@ class MappedBuffer {
 /// dies.
 class LibcameraStream {
  public:
-  /// Acquires, configures and maps. Throws DeviceError, or std::runtime_error with what was asked
-  /// and what there is. Of `wanted`, `input` and `standard` mean nothing here.
+  /// Acquires, configures and maps; format()'s frames_per_s is what was asked for, if it can be.
+  /// Throws DeviceError, or std::runtime_error with what was asked and what there is. Of `wanted`,
+  /// `input` and `standard` mean nothing here.
   LibcameraStream(std::shared_ptr<libcamera::Camera> camera, const V4l2Request& wanted);
   LibcameraStream(const LibcameraStream&) = delete;
   ~LibcameraStream();
 
-  void start(const LibcameraControls& controls);  ///< throws DeviceError
+  void start();  ///< throws DeviceError
 
   const V4l2Format& format() const { return format_; }
-  const libcamera::ControlInfoMap& has() const { return camera_->controls(); }
   int fd() const { return ready_.fd(); }  ///< readable when take() has something to say
 
   struct Picture {
@@ -96,6 +92,7 @@ class LibcameraStream {
   Lease lease_;
   std::unique_ptr<libcamera::CameraConfiguration> configuration_;
   libcamera::Stream* stream_ = nullptr;
+  libcamera::ControlList controls_;
   V4l2Format format_;
   std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
   std::map<const libcamera::FrameBuffer*, MappedBuffer> pixels_;

@@ -24,26 +24,11 @@ TimestampSource source_of(std::uint32_t flags) {
              : TimestampSource::end_of_frame;
 }
 
-/// At the port is another camera than belongs there.
-struct WrongCamera : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-/// Whether somebody may put it right while the box runs.
-bool passes(const std::runtime_error& error) {
-  if (dynamic_cast<const WrongCamera*>(&error)) return true;
-  const auto* device = dynamic_cast<const DeviceError*>(&error);
-  return device && (device->is_gone() || device->is_busy());
-}
-
 CameraIdentity identity_of(const V4l2Format& given, const std::string& path) {
   CameraIdentity out = usb_identity(path);
   out.port = given.bus.empty() ? path : given.bus;
   if (out.model.empty()) out.model = given.card;
-  char rate[32];
-  std::snprintf(rate, sizeof rate, " at %.4g/s", given.frames_per_s);
-  out.mode = size_text(given.width_px, given.height_px) + ' ' + fourcc_text(given.fourcc) +
-             (given.frames_per_s > 0 ? rate : "");
+  out.mode = mode_text(given);
   return out;
 }
 
@@ -51,17 +36,15 @@ CameraIdentity identity_of(const V4l2Format& given, const std::string& path) {
 
 V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
     : source_(source), path_(std::move(path)), clock_(0, 0, 0) {
-  // Of one that is missing: whatever it will give fits into this.
-  format_ = {source_.model.width_px, source_.model.height_px,
-             source_.colour ? PixelFormat::bgr : PixelFormat::grey, source_.device.frames_per_s};
+  format_ = widest_format(source_);
   try {
     open();
     format_ = {stream_->format().width_px, picture_->height_px(), pixels_,
                field_interval_s_ > 0 ? 1 / field_interval_s_ : 0.0};
   } catch (const std::runtime_error& error) {
-    if (!source_.may_be_missing || !passes(error))
+    if (!source_.may_be_missing || !may_pass(error))
       throw std::runtime_error("camera " + source_.name + ": " + error.what());
-    error_ = open_error(error);
+    error_ = open_error(path_, error, false);
   }
 }
 
@@ -96,7 +79,7 @@ void V4l2Camera::open() {
     const std::lock_guard lock(mutex_);
     identity_ = found;
   }
-  check(found);
+  check_identity(path_, found, source_, accepted_);
   RawPicture picture(given, source_.colour);
   check_pixels(picture.format());
   pixels_ = picture.format();
@@ -115,22 +98,6 @@ void V4l2Camera::open() {
   settings_.set_back += set_back;
 }
 
-void V4l2Camera::check(const CameraIdentity& found) const {
-  const DeviceWishes& wanted = source_.device;
-  CameraIdentity expected = accepted_.value_or(CameraIdentity{});
-  if (!wanted.model.empty()) expected.model = wanted.model;
-  if (!wanted.serial.empty()) expected.serial = wanted.serial;
-  if ((expected.model.empty() || expected.model == found.model) &&
-      (expected.serial.empty() || expected.serial == found.serial))
-    return;
-  std::string whose;
-  for (const NamedSerial& other : source_.others)
-    if (other.serial == found.serial && !found.serial.empty())
-      whose = ", which the rig file calls \"" + other.camera + "\": the cables are swapped";
-  throw WrongCamera(path_ + ": here is " + description(found) + whose + "; expected " +
-                    description(expected));
-}
-
 /// The ring's slots are made; what they are to hold can't change.
 void V4l2Camera::check_pixels(PixelFormat found) const {
   if (accepted_ && found != pixels_) throw WrongCamera(path_ + ": gives other pixels than before");
@@ -143,12 +110,6 @@ std::optional<UsbStream> V4l2Camera::usb_stream() const {
   const double bytes = is_compressed(given.fourcc) ? 0.0 : static_cast<double>(given.least_bytes);
   return UsbStream{source_.name, usb->segment(), usb->speed_mbps(),
                    1e-6 * bytes * given.frames_per_s};
-}
-
-std::string V4l2Camera::open_error(const std::runtime_error& error) const {
-  const auto* device = dynamic_cast<const DeviceError*>(&error);
-  if (!device || !device->is_gone()) return error.what();
-  return path_ + (accepted_ ? ": was unplugged" : ": is not plugged in");
 }
 
 std::string V4l2Camera::stream_error(const DeviceError& error) const {
@@ -171,7 +132,7 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
     try {
       open();
     } catch (const std::runtime_error& error) {
-      return lost(open_error(error));
+      return lost(open_error(path_, error, accepted_.has_value()));
     }
   }
   try {

@@ -38,10 +38,8 @@ class V4l2Camera : public Camera {
  private:
   V4l2Request request() const;
   void open();
-  void check(const CameraIdentity& found) const;
   void check_pixels(PixelFormat found) const;
   void adopt_settings();
-  std::string open_error(const std::runtime_error& error) const;
   std::string stream_error(const DeviceError& error) const;
   Outcome lost(std::string why);
   Outcome take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot, Frame& frame);

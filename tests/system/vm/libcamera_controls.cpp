@@ -9,13 +9,18 @@
 
 namespace {
 
-using throwcal::LibcameraControls;
+using throwcal::DeviceWishes;
 namespace controls = libcamera::controls;
 
-void print(const char* name, const libcamera::ControlInfoMap& has,
-           const LibcameraControls& wanted) {
-  const libcamera::ControlList told = throwcal::control_list(has, wanted);
+void print(const char* name, const libcamera::ControlInfoMap& has, const DeviceWishes& wanted) {
   std::printf("%s:", name);
+  libcamera::ControlList told;
+  try {
+    told = throwcal::control_list(has, wanted);
+  } catch (const std::runtime_error& error) {
+    std::printf(" %s\n", error.what());
+    return;
+  }
   if (const auto limits = told.get(controls::FrameDurationLimits))
     std::printf(" frames of %lld to %lld us", static_cast<long long>((*limits)[0]),
                 static_cast<long long>((*limits)[1]));
@@ -37,11 +42,19 @@ int main() {
        {&controls::AnalogueGain, libcamera::ControlInfo(1.0f, 16.0f)}},
       controls::controls);
   const libcamera::ControlInfoMap none({}, controls::controls);
-  print("nothing asked", all, {});
-  print("rate", all, {.frames_per_s = 30, .exposure_s = {}, .gain = {}});
-  print("rate beyond", all, {.frames_per_s = 1000, .exposure_s = {}, .gain = {}});
-  print("exposure", all, {.frames_per_s = 0, .exposure_s = 0.002, .gain = {}});
-  print("gain", all, {.frames_per_s = 0, .exposure_s = {}, .gain = 4});
-  print("both beyond", all, {.frames_per_s = 0, .exposure_s = 1, .gain = 100});
-  print("of a camera without", none, {.frames_per_s = 30, .exposure_s = 0.002, .gain = 4});
+  DeviceWishes wishes;
+  print("nothing asked", all, wishes);
+  wishes.picture.automatic = true;
+  print("automatic", all, wishes);
+  wishes.picture.automatic = false;
+  wishes.frames_per_s = 30;
+  print("rate", all, wishes);
+  wishes.frames_per_s = 1000;
+  print("rate beyond", all, wishes);
+  wishes.picture.exposure_s = 0.002;
+  wishes.picture.gain = 4;
+  print("exposure and gain", all, wishes);
+  print("of a camera without", none, wishes);
+  wishes.picture.gain = 100;
+  print("gain beyond", all, wishes);
 }

@@ -160,13 +160,13 @@ def check_listing(result: vm.Result) -> None:
     text = result.text("cameras.text")
     assert text.count('source = "libcamera:') == 2 and "NV12 160x120" in text, text
     assert result.text("controls").splitlines() == [
-        "nothing asked:",
-        "rate: frames of 33333 to 33333 us",
-        "rate beyond: frames of 16667 to 16667 us",
-        "exposure: automatic off exposure 2000 us",
-        "gain: automatic off gain 4",
-        "both beyond: automatic off exposure 50000 us gain 16",
-        "of a camera without:",
+        "nothing asked: automatic off",
+        "automatic:",
+        "rate: frames of 33333 to 33333 us automatic off",
+        "rate beyond: frames of 16667 to 16667 us automatic off",
+        "exposure and gain: frames of 16667 to 16667 us automatic off exposure 2000 us gain 4",
+        "of a camera without: exposure_s = 0.002: the camera has no such control",
+        "gain beyond: gain = 100: the camera goes from 1 to 16",
     ], result.text("controls")
 
 
