@@ -113,8 +113,8 @@ TEST_P(VideoCameraTest, SaysWhatIsWrongWithAFile) {
                                     ": is not a video that can be read here");
   source_.source = "webcam";
   EXPECT_EQ(error_at_opening(),
-            "camera north: source \"webcam\" is unknown; expected \"simulated\", \"video:PATH\" or "
-            "\"v4l2:DEVICE\"");
+            "camera north: source \"webcam\" is unknown; expected \"simulated\", \"video:PATH\", "
+            "\"v4l2:DEVICE\" or \"libcamera:ID\"");
 }
 
 }  // namespace
