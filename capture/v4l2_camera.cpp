@@ -135,6 +135,7 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
       return lost(open_error(path_, error, accepted_.has_value()));
     }
   }
+  if (const auto why = std::exchange(broken_, std::nullopt)) return lost(*why);
   try {
     if (const auto second = std::exchange(half_, std::nullopt))
       return give(*second, true, slot, frame);
@@ -159,6 +160,15 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
   }
 }
 
+/// The picture is out of it and counts: that the driver can't take it back is told after it.
+void V4l2Camera::give_back(const V4l2Stream::Buffer& buffer) {
+  try {
+    stream_->requeue(buffer);
+  } catch (const DeviceError& error) {
+    broken_ = stream_error(error);
+  }
+}
+
 /// A buffer just dequeued: its number and its time.
 Camera::Outcome V4l2Camera::take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot,
                                  Frame& frame) {
@@ -171,7 +181,7 @@ Camera::Outcome V4l2Camera::take(const V4l2Stream::Buffer& buffer, std::span<std
   moment_ = clock_.of({buffer.stamp, source_of(buffer.flags), now(), number_});
   if (buffer.is_damaged) {
     frame.sequence = fields == Fields::progressive ? number_ : 2 * number_ + 1;
-    stream_->requeue(buffer);
+    give_back(buffer);
     return Outcome::damaged;
   }
   if (fields == Fields::interlaced) half_ = buffer;
@@ -199,7 +209,7 @@ Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_secon
     if (given.fields == Fields::interlaced && !is_stamps)
       frame.row0_mid_exposure += (is_second ? 1 : -1) * from_seconds(field_interval_s_);
   }
-  if (!half_) stream_->requeue(buffer);
+  if (!half_) give_back(buffer);
   frame.timestamp_source = moment_.source;
   frame.time_sigma = moment_.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);

@@ -39,6 +39,7 @@ class V4l2Camera : public Camera {
   V4l2Request request() const;
   void open();
   void check_pixels(PixelFormat found) const;
+  void give_back(const V4l2Stream::Buffer& buffer);
   void adopt_settings();
   std::string stream_error(const DeviceError& error) const;
   Outcome lost(std::string why);
@@ -58,6 +59,7 @@ class V4l2Camera : public Camera {
   EventFlag interrupted_;
   std::unique_ptr<V4l2Stream> stream_;
   bool is_streaming_ = false;
+  std::optional<std::string> broken_;  ///< why the frame just given is the stream's last
   std::optional<RawPicture> picture_;
   std::optional<V4l2Stream::Buffer> half_;  ///< of which the second field is still to be given
   SequenceCounter sequence_;
