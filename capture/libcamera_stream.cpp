@@ -180,7 +180,8 @@ void LibcameraStream::configure(const V4l2Request& wanted) {
                              expected_formats(wanted.device.fourcc));
   const libcamera::PixelFormat chosen = *std::ranges::find(offered, best, read_fourcc);
   stream.pixelFormat = chosen;
-  stream.size = {static_cast<unsigned>(wanted.width_px), static_cast<unsigned>(wanted.height_px)};
+  if (wanted.width_px > 0)
+    stream.size = {static_cast<unsigned>(wanted.width_px), static_cast<unsigned>(wanted.height_px)};
   stream.bufferCount = std::max(stream.bufferCount, wanted_buffers);
   const libcamera::Size asked = stream.size;
   const bool is_valid = configuration_->validate() != libcamera::CameraConfiguration::Invalid;
@@ -191,7 +192,8 @@ void LibcameraStream::configure(const V4l2Request& wanted) {
   check(camera_->configure(configuration_.get()), "configure");
   stream_ = stream.stream();
   format_.fourcc = best;
-  format_.width_px = wanted.width_px, format_.height_px = wanted.height_px;
+  format_.width_px = static_cast<int>(stream.size.width);
+  format_.height_px = static_cast<int>(stream.size.height);
   format_.stride_bytes = stream.stride;
   format_.card = camera_->id(), format_.driver = "libcamera";
   // Luma comes first, whatever follows it.

@@ -101,6 +101,46 @@ std::size_t least_bytes(const V4l2Format& format) {
   return format.stride_bytes * (format.fourcc == V4L2_PIX_FMT_NV12 ? rows + rows / 2 : rows);
 }
 
+namespace {
+
+/// What a driver makes of a wish.
+struct Given {
+  std::uint32_t width = 0, height = 0, fourcc = 0, field = 0, stride = 0;
+};
+
+/// Of 0x0, the size that the driver is set to.
+Given ask(const V4l2Device& device, std::uint32_t type, const V4l2Request& request,
+          std::uint32_t fourcc) {
+  v4l2_format format{};
+  format.type = type;
+  device.command(VIDIOC_G_FMT, format, "VIDIOC_G_FMT");
+  const auto wish = [&](auto& pix) {  // both kinds of planes begin alike
+    if (request.width_px > 0) {
+      pix.width = static_cast<std::uint32_t>(request.width_px);
+      pix.height = static_cast<std::uint32_t>(request.height_px);
+    }
+    pix.pixelformat = fourcc;
+    pix.field = V4L2_FIELD_ANY;
+  };
+  auto& planes = format.fmt.pix_mp;
+  auto& plane = format.fmt.pix;
+  if (is_multi_planar(type)) {
+    wish(planes);
+    planes.num_planes = 1;
+    planes.plane_fmt[0] = {};
+  } else {
+    wish(plane);
+    plane.bytesperline = plane.sizeimage = 0;
+  }
+  device.command(VIDIOC_S_FMT, format, "VIDIOC_S_FMT");
+  if (is_multi_planar(type))
+    return {planes.width, planes.height, planes.pixelformat, planes.field,
+            planes.plane_fmt[0].bytesperline};
+  return {plane.width, plane.height, plane.pixelformat, plane.field, plane.bytesperline};
+}
+
+}  // namespace
+
 bool is_compressed(std::uint32_t fourcc) {
   return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
 }
@@ -183,51 +223,28 @@ void V4l2Stream::negotiate(const V4l2Request& request) {
   if (!best)
     throw std::runtime_error(device_.path() + ": gives " + names + "; expected " +
                              expected_formats(request.device.fourcc));
-  v4l2_format format{};
-  format.type = type_;
-  device_.command(VIDIOC_G_FMT, format, "VIDIOC_G_FMT");
-  const auto width = static_cast<std::uint32_t>(request.width_px);
-  const auto height = static_cast<std::uint32_t>(request.height_px);
+  const Given given = ask(device_, type_, request, best);
+  const auto fields = fields_of(given.field);
+  const std::uint32_t lines = (fields == Fields::alternate ? 2 : 1) * given.height;
+  const bool is_any_size = request.width_px == 0;
+  const std::string wanted = size_text(static_cast<std::uint32_t>(request.width_px),
+                                       static_cast<std::uint32_t>(request.height_px));
+  if (!is_any_size && size_text(given.width, lines) != wanted)
+    throw std::runtime_error(device_.path() + ": gives pictures of " +
+                             size_text(given.width, lines) + "; the rig says " + wanted + "; in " +
+                             fourcc_text(best) + " there are " + offered_sizes(device_, best));
+  if (given.fourcc != best || !fields)
+    throw std::runtime_error(device_.path() + ": asked for " + fourcc_text(best) + ", it gives " +
+                             fourcc_text(given.fourcc) + ", field order " +
+                             std::to_string(given.field) + ", which is not understood here");
   v4l2_std_id standard = 0;
   device_.try_command(VIDIOC_G_STD, standard);
-  if (is_multi_planar(type_)) {
-    auto& pix = format.fmt.pix_mp;
-    pix.width = width, pix.height = height, pix.pixelformat = best, pix.field = V4L2_FIELD_ANY;
-    pix.num_planes = 1;
-    pix.plane_fmt[0] = {};
-  } else {
-    auto& pix = format.fmt.pix;
-    pix.width = width, pix.height = height, pix.pixelformat = best, pix.field = V4L2_FIELD_ANY;
-    pix.bytesperline = pix.sizeimage = 0;
-  }
-  device_.command(VIDIOC_S_FMT, format, "VIDIOC_S_FMT");
-  std::uint32_t field = 0;
-  if (is_multi_planar(type_)) {
-    const auto& pix = format.fmt.pix_mp;
-    format_.fourcc = pix.pixelformat, field = pix.field;
-    format_.width_px = static_cast<int>(pix.width),
-    format_.height_px = static_cast<int>(pix.height);
-    format_.stride_bytes = pix.plane_fmt[0].bytesperline;
-  } else {
-    const auto& pix = format.fmt.pix;
-    format_.fourcc = pix.pixelformat, field = pix.field;
-    format_.width_px = static_cast<int>(pix.width),
-    format_.height_px = static_cast<int>(pix.height);
-    format_.stride_bytes = pix.bytesperline;
-  }
-  const auto fields = fields_of(field);
-  const int lines = (fields == Fields::alternate ? 2 : 1) * format_.height_px;
-  if (format_.width_px != request.width_px || lines != request.height_px)
-    throw std::runtime_error(device_.path() + ": gives pictures of " +
-                             size_text(format.fmt.pix.width, static_cast<std::uint32_t>(lines)) +
-                             "; the rig says " + size_text(width, height) + "; in " +
-                             fourcc_text(best) + " there are " + offered_sizes(device_, best));
-  if (format_.fourcc != best || !fields)
-    throw std::runtime_error(device_.path() + ": asked for " + fourcc_text(best) + ", it gives " +
-                             fourcc_text(format_.fourcc) + ", field order " +
-                             std::to_string(field) + ", which is not understood here");
+  format_.fourcc = given.fourcc;
+  format_.width_px = static_cast<int>(given.width);
+  format_.height_px = static_cast<int>(given.height);
+  format_.stride_bytes = given.stride;
   format_.fields = *fields;
-  format_.is_top_first = is_top_first(field, standard);
+  format_.is_top_first = is_top_first(given.field, standard);
   format_.least_bytes = least_bytes(format_);
 }
 

@@ -16,8 +16,8 @@ namespace throwcal {
 
 /// What is wanted of a V4L2 camera.
 struct V4l2Request {
-  int width_px = 0, height_px = 0;
-  bool colour = false;  ///< prefer formats with chroma
+  int width_px = 0, height_px = 0;  ///< 0x0: as the driver is set
+  bool colour = false;              ///< prefer formats with chroma
   DeviceWishes device;
 };
 

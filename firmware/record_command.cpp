@@ -35,6 +35,7 @@ constexpr auto snapshot_patience = 10s;
 struct RecordOptions {
   std::string rig, output;
   std::vector<std::string> cameras;  ///< names; none: all
+  std::vector<std::string> sources;  ///< in place of a rig file
   double seconds = 10.0;
   double before_s = 0.0;  ///< above 0: waits for Enter, and keeps that much of before it
 };
@@ -122,6 +123,23 @@ class Reel {
   std::thread writer_;
 };
 
+/// Of sources: cam1, cam2, ..., as they are set.
+Config config_of(const RecordOptions& options) {
+  if (options.rig.empty() == options.sources.empty())
+    throw InputError("expected --rig FILE, or --source v4l2:DEVICE (throwcal cameras lists them)");
+  if (!options.rig.empty()) return read_config(options.rig);
+  Config config;
+  for (const std::string& source : options.sources) {
+    if (!source.starts_with("v4l2:") && !source.starts_with("libcamera:"))
+      throw InputError("--source: \"" + source +
+                       "\"; expected \"v4l2:DEVICE\" or \"libcamera:ID\"");
+    config.inputs.push_back({source, {}});
+    config.inputs.back().device.picture.automatic = true;
+    config.rig.cameras.emplace_back().name = "cam" + std::to_string(config.inputs.size());
+  }
+  return config;
+}
+
 std::vector<std::unique_ptr<Reel>> reels_of(const RecordOptions& options, const Config& config) {
   for (const std::string& name : options.cameras)
     if (std::ranges::none_of(config.rig.cameras, [&](const auto& c) { return c.name == name; }))
@@ -188,7 +206,7 @@ bool report(const std::vector<std::unique_ptr<Reel>>& reels) {
 
 int record(const RecordOptions& options) {
   const StopSignals signals;
-  const Config config = read_config(options.rig);
+  const Config config = config_of(options);
   make_folder(options.output);
   auto reels = reels_of(options, config);
   std::vector<std::unique_ptr<VideoFile>> files;
@@ -221,13 +239,13 @@ int record(const RecordOptions& options) {
   const bool all_well = report(reels);
   std::printf(
       "%s: a film and its times of each; throwcal calibrate --rig %s --video NAME=FILE ...\n",
-      options.output.c_str(), options.rig.c_str());
+      options.output.c_str(), options.rig.empty() ? "rig.toml" : options.rig.c_str());
   return all_well ? exit_accepted : exit_failed;
 }
 
 int snapshot(const RecordOptions& options) {
   const StopSignals signals;
-  const Config config = read_config(options.rig);
+  const Config config = config_of(options);
   make_folder(options.output);
   auto reels = reels_of(options, config);
   std::vector<std::atomic<bool>> is_taken(reels.size());
@@ -265,8 +283,10 @@ int snapshot(const RecordOptions& options) {
 CLI::App* add(CLI::App& app, const char* name, const char* help,
               const std::shared_ptr<RecordOptions>& options) {
   auto* command = app.add_subcommand(name, help);
-  command->add_option("--rig", options->rig, "The rig file; its cameras' `source` keys count")
-      ->required();
+  command->add_option("--rig", options->rig, "The rig file; its cameras' `source` keys count");
+  command->add_option("--source", options->sources,
+                      "Without a rig file: a camera as `throwcal cameras` names it, as it is set "
+                      "(may be given again: cam1, cam2, ...)");
   command->add_option("--camera", options->cameras, "Only this one (may be given again)");
   command->add_option("--output", options->output, "The folder to fill")->required();
   return command;
@@ -293,7 +313,9 @@ void add_record_commands(CLI::App& app, int& status) {
   film->callback([options, &status] { status = record(*options); });
   auto shot = std::make_shared<RecordOptions>();
   auto* one = add(app, "snapshot", "One picture of every camera, NAME.png", shot);
-  one->footer("Example:\n  throwcal snapshot --rig rig.toml --camera north --output pictures");
+  one->footer(
+      "Example:\n  throwcal snapshot --source v4l2:/dev/video0 --output pictures\n"
+      "  throwcal snapshot --rig rig.toml --camera north --output pictures");
   one->callback([shot, &status] { status = snapshot(*shot); });
 }
 

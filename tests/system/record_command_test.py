@@ -100,7 +100,10 @@ def what_is_wrong_is_said(build: pathlib.Path, folder: pathlib.Path) -> None:
                                (["--rig", folder / "file.toml", "--output", folder / "x"], "no.mkv: no such video file"),
                                (["--rig", folder / "rig.toml", "--output", folder / "x", "--camera", "cam9"], '"cam9" is not in the rig file'),
                                (["--rig", folder / "rig.toml", "--output", folder / "taken"], "taken: can't be made"),
-                               (["--output", folder / "x"], "--rig is required")]:
+                               (["--output", folder / "x"], "expected --rig FILE, or --source v4l2:DEVICE"),
+                               (["--rig", folder / "rig.toml", "--source", "v4l2:/dev/video0", "--output", folder / "x"], "expected --rig FILE, or --source"),
+                               (["--source", "/dev/video0", "--output", folder / "x"], '--source: "/dev/video0"; expected "v4l2:DEVICE"'),
+                               (["--source", "v4l2:/dev/video99", "--output", folder / "x"], "camera cam1: /dev/video99: No such file or directory")]:
         for command in ("record", "snapshot"):
             done = throwcal(build, command, *arguments)
             assert done.returncode == 2 and message in done.stderr and done.stderr.count("\n") == 1, (command, done)

@@ -65,6 +65,8 @@ for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&
 ./grab 320x180 1 input=Composite /dev/video0 > out/input 2>&1 || true
 ./grab 320x180 1 /dev/video9 > out/none 2>&1 || true
 ./grab 320x180 1 /dev/null > out/null 2>&1 || true
+v4l2-ctl --device /dev/video1 --set-fmt-video=width=640,height=360
+./throwcal snapshot --source v4l2:/dev/video1 --output out > out/snapshot 2>&1
 ./throwcal cameras --json > out/cameras
 ./throwcal cameras > out/cameras.text
 echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind
@@ -178,6 +180,8 @@ def check_faults(result: vm.Result) -> None:
 
 
 def check_listing(result: vm.Result) -> None:
+    picture = result.files["cam1.png"]
+    assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") == 640 and result.text("snapshot") == "out/cam1.png\n", picture[:30]
     cameras = json.loads(result.text("cameras"))
     assert [c["device"] for c in cameras] == [f"/dev/video{i}" for i in range(4)], cameras
     for i, camera in enumerate(cameras):
