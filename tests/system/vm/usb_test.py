@@ -68,14 +68,16 @@ control --list-ctrls > out/kept
 grab plugged 320x240 20000 fps=30 {FIRST} {SECOND} &
 grab=$!
 rss() {{ grep VmRSS /proc/$grab/status | tr -dc 0-9; }}
+uptime_s() {{ cut -d' ' -f1 /proc/uptime; }}
 back() {{ grep -c 'is back' out/plugged.log; }}
 await "[ -s out/plugged.driver ]"
 sleep 1
 for n in $(seq {CYCLES}); do
-  echo unplug 0 >&9
+  up=$(uptime_s); echo unplug 0 >&9
   await "[ \\$(grep -c 'was unplugged' out/plugged.log) = $n ]"
-  echo plug 0 >&9
+  out=$(uptime_s); echo plug 0 >&9
   await "[ \\$(back) = $n ]"
+  echo $up $out $(uptime_s) >> out/times
   [ $n != 3 ] || echo $(ls /proc/$grab/fd | wc -l) $(rss) > out/early
 done
 sleep 1
@@ -222,6 +224,12 @@ def check_unplugging(result: vm.Result) -> None:
     stamps = {stamp for frames in run.frames.values() for _, stamp in frames}
     given_up = sum(stamp not in stamps for answers in run.driver.values() for _, _, stamp, _ in answers)
     assert given_up <= 2, given_up  # when grab ends
+    times = [[float(word) for word in line.split()] for line in result.text("times").splitlines()]
+    noticed, back = sorted(b - a for a, b, _ in times), sorted(c - b for _, b, c in times)
+    print(
+        f"  noticed after {statistics.median(noticed):.2f} s, {noticed[-1]:.2f} s at most; back after {statistics.median(back):.2f} s, {back[-1]:.2f} s at most",
+        flush=True,
+    )
     assert run.said.count(f"{FIRST}: {FIRST}: was unplugged") == run.said.count(f"{FIRST}: is back") == CYCLES, run.said
     assert late[0] == early[0] and late[1] < early[1] + 2000, (early, late)
     check_undisturbed(run, SECOND)
