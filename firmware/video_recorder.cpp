@@ -15,6 +15,18 @@ namespace {
 constexpr double nominal_frames_per_s =
     25.0;  ///< of a container; the times beside it are what counts
 
+/// What must be free for a film to go on: enough to end all films of a box.
+constexpr std::uintmax_t least_room_bytes = 8'000'000;
+constexpr std::uint64_t frames_between_looks = 16;
+
+/// cv::VideoWriter does not tell that a disk is full.
+void expect_room(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto space = std::filesystem::space(file, error);
+  if (!error && space.available < least_room_bytes)
+    throw InputError(file.string() + ": the disk is full");
+}
+
 std::string timestamp_line(HostTime time) {
   // Milliseconds with nanosecond decimals: the decimal point of the seconds, three places on.
   const HostClock::duration thousandfold = time.time_since_epoch() * 1000;
@@ -54,17 +66,22 @@ VideoFile::VideoFile(const std::filesystem::path& file, const Camera::Format& fo
     throw InputError(file.string() +
                      ": can't be written; expected a folder that may be written "
                      "to and an OpenCV with FFmpeg's FFV1");
+  auto beside = file_;
+  timestamps_.open(beside.replace_extension(".timestamps.txt"));
+  timestamps_ << "# timestamp format v2\n";
 }
 
 void VideoFile::write(const Frame& frame) {
+  if (frames_++ % frames_between_looks == 0) expect_room(file_);
   video_.write(picture_of(frame, bgr_));
-  timestamps_ += timestamp_line(frame.row0_mid_exposure);
+  // At once: of a film that a power cut ended, the times are worth as much as the pictures.
+  timestamps_ << timestamp_line(frame.row0_mid_exposure) << std::flush;
+  if (!timestamps_) throw InputError(file_.string() + ": its times can't be written");
 }
 
 void VideoFile::close() {
   video_.release();
-  auto beside = file_;
-  write_text_file(beside.replace_extension(".timestamps.txt"), timestamps_);
+  timestamps_.close();
 }
 
 void record_video(Camera& camera, const std::filesystem::path& file,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <opencv2/videoio.hpp>
 #include <string>
@@ -16,14 +18,15 @@ class VideoFile {
  public:
   /// Throws InputError where it can't be written.
   VideoFile(const std::filesystem::path& file, const Camera::Format& format);
+  /// Throws InputError where the disk is nearly full: what was filmed can still be closed.
   void write(const Frame& frame);
-  /// Writes the times. Throws InputError where they can't be written.
   void close();
 
  private:
   std::filesystem::path file_;
   cv::VideoWriter video_;
-  std::string timestamps_ = "# timestamp format v2\n";
+  std::ofstream timestamps_;
+  std::uint64_t frames_ = 0;
   cv::Mat bgr_;
 };
 

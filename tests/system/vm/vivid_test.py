@@ -3,11 +3,14 @@
 """Our V4L2 cameras on the kernel's virtual ones (vivid): what is lost, damaged or gone is counted and named exactly as the driver
 has it, and every frame keeps the driver's stamp. THROWCAL_LONG=1: 10,000 frames at each loss rate and both
 kernels, else a twentieth and one."""
+
 import collections
 import json
 import os
 import pathlib
+import subprocess
 import sys
+import tempfile
 
 import vm
 
@@ -35,7 +38,7 @@ def losses() -> str:
     """Frames that the driver drops, as many per cent of them; then its counter and its stamps wrap."""
     script = ""
     for loss in LOSSES:
-        script += f'for c in $cameras; do control $c percentage_of_dropped_buffers={loss}; done\n'
+        script += f"for c in $cameras; do control $c percentage_of_dropped_buffers={loss}; done\n"
         script += f"grab lost{loss} 320x180 400 fps=30 frames={FRAMES} $cameras\n"
     script += "for c in $cameras; do control $c percentage_of_dropped_buffers=10; control $c wrap_sequence_number=1; done\n"
     script += "grab wrapped 320x180 60 fps=30 frames=200 $cameras\n"
@@ -65,6 +68,14 @@ for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&
 ./grab 320x180 1 input=Composite /dev/video0 > out/input 2>&1 || true
 ./grab 320x180 1 /dev/video9 > out/none 2>&1 || true
 ./grab 320x180 1 /dev/null > out/null 2>&1 || true
+( streaming stepped; date --set='+1 hour'; sleep 1; date --set='-3 hours' ) > /dev/null &
+grab stepped 320x180 6 fps=30 /dev/video1
+wait
+mkdir /run/small
+mount -t tmpfs -o size=12m none /run/small
+v4l2-ctl --device /dev/video0 --set-fmt-video=width=320,height=180
+./throwcal record --source v4l2:/dev/video0 --output /run/small --seconds 200 > out/full 2>&1 || echo $? > out/full.status
+cp /run/small/cam1.* out/
 v4l2-ctl --device /dev/video1 --set-fmt-video=width=640,height=360
 ./throwcal snapshot --source v4l2:/dev/video1 --output out > out/snapshot 2>&1
 ./throwcal cameras --json > out/cameras
@@ -172,16 +183,41 @@ def check_faults(result: vm.Result) -> None:
         assert run.counters["/dev/video0"]["interruptions"] >= 1, (name, run.counters)
         assert any(line.startswith("/dev/video0: ") and cause in line for line in run.said), (name, run.said)
         assert run.said[-1].endswith("is back"), (name, run.said)
-    for name, message in (("size.322x180", "gives pictures of 320x180; the rig says 322x180"), ("size.5000x180", "the rig says 5000x180"),
-                          ("format", "expected H264"), ("input", 'has no input "Composite"; expected one of 0 "'),
-                          ("none", "/dev/video9: No such file or directory"), ("null", "/dev/null: is no V4L2 device")):
+    for name, message in (
+        ("size.322x180", "gives pictures of 320x180; the rig says 322x180"),
+        ("size.5000x180", "the rig says 5000x180"),
+        ("format", "expected H264"),
+        ("input", 'has no input "Composite"; expected one of 0 "'),
+        ("none", "/dev/video9: No such file or directory"),
+        ("null", "/dev/null: is no V4L2 device"),
+    ):
         text = result.text(name)
         assert text.startswith("grab: camera ") and message in text and text.count("\n") == 1, (name, text)
 
 
+def check_clock_and_disk(result: vm.Result, build: pathlib.Path) -> None:
+    """A wall clock that is set changes nothing; a disk that fills up ends a film that can be read."""
+    stepped = Run(result, "stepped")
+    (counted,), frames = stepped.counters.values(), stepped.frames["/dev/video1"]
+    steps = [(b[1] - a[1]) / 1e6 for a, b in zip(frames, frames[1:])]
+    print(f"  clock set twice: {len(frames)} frames, {min(steps):.1f} to {max(steps):.1f} ms apart", flush=True)
+    assert counted["lost"] == counted["interruptions"] == 0 and len(frames) > 60 and 0 < min(steps) and max(steps) < 1000, (counted, steps)
+    said, times = result.text("full"), result.text("cam1.timestamps.txt").splitlines()[1:]
+    assert result.text("full.status") == "1\n" and 'camera "cam1": /run/small/cam1.mkv: the disk is full' in said, said
+    with tempfile.TemporaryDirectory() as folder:
+        film = pathlib.Path(folder) / "cam1.mkv"
+        film.write_bytes(result.files["cam1.mkv"])
+        seen = subprocess.run([build / "throwcal", "detect", film], capture_output=True, text=True)
+    frames = next(int(line.split()[1]) for line in seen.stdout.splitlines() if line.startswith("cam1"))
+    print(f"  disk full after {frames} frames: {len(times)} times", flush=True)
+    assert frames == len(times) > 16, (frames, len(times), said)
+
+
 def check_listing(result: vm.Result) -> None:
     picture = result.files["cam1.png"]
-    assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") == 640 and result.text("snapshot") == "out/cam1.png\n", picture[:30]
+    assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") == 640 and result.text("snapshot") == "out/cam1.png\n", picture[
+        :30
+    ]
     cameras = json.loads(result.text("cameras"))
     assert [c["device"] for c in cameras] == [f"/dev/video{i}" for i in range(4)], cameras
     for i, camera in enumerate(cameras):
@@ -199,7 +235,10 @@ def check_listing(result: vm.Result) -> None:
 def check_endurance(result: vm.Result) -> None:
     early, late = ([int(word) for word in result.text(name).split()] for name in ("early", "late"))
     ends = [json.loads(line) for line in result.text("plugged.log").splitlines() if line.startswith("{")]
-    print(f"  {CYCLES} times unplugged, {ends[0]['interruptions']} times back; open files {early[0]} -> {late[0]}, resident kB {early[1]} -> {late[1]}", flush=True)
+    print(
+        f"  {CYCLES} times unplugged, {ends[0]['interruptions']} times back; open files {early[0]} -> {late[0]}, resident kB {early[1]} -> {late[1]}",
+        flush=True,
+    )
     assert all(c["interruptions"] == CYCLES and c["error"] == "" for c in ends) and len(ends) == 2, result.text("plugged.log")
     assert late[0] == early[0] and late[1] < early[1] + 2000, (early, late)
     rounds = [json.loads(line) for line in result.text("matrix.log").splitlines() if line.startswith("{")]
@@ -235,6 +274,7 @@ def main() -> None:
             check(result)
             if check is check_faults:
                 check_listing(result)
+                check_clock_and_disk(result, build.parent)
 
 
 if __name__ == "__main__":
