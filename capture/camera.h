@@ -22,6 +22,7 @@ class Camera {
     int width_px = 0, height_px = 0;
     PixelFormat format = PixelFormat::grey;
     double frames_per_s = 0.0;
+    bool is_interlaced = false;  ///< then two of them are a frame of the driver's
   };
   enum class Outcome { frame, damaged, lost, end, failed, interrupted };
 
@@ -40,10 +41,10 @@ class Camera {
   interrupt() = 0;  ///< thread-safe: makes a waiting next() return `interrupted`, at once
   virtual std::string error() const { return {}; }
 
-  // Of a real device, thread-safe:
+  // Of a real device, the first two thread-safe:
   virtual CameraIdentity identity() const { return {}; }
   virtual PictureSettings settings() const { return {}; }
-  /// Nothing where it is on no USB bus.
+  /// Nothing where it is on no USB bus, or is missing.
   virtual std::optional<UsbStream> usb_stream() const { return {}; }
 };
 

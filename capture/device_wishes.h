@@ -12,12 +12,13 @@ struct PictureNumbers {
   std::optional<double> exposure_s, gain, focus, white_balance_k;
 };
 
-/// How it is to make them. What is not said is held as the camera has it.
+/// How it is to make them. What is not said is held as the camera has it, or its automatics have
+/// found it after a second.
 struct PictureWishes : PictureNumbers {
   bool automatic = false;  ///< leave the camera's automatics on
 };
 
-/// How it makes them, as read back from it.
+/// How it makes them, as read back from it; no number for what an automatic changes.
 struct PictureSettings : PictureNumbers {
   std::vector<std::string> automatic;  ///< what the camera still changes by itself: "exposure"
   int set_back = 0;                    ///< times that another program had changed one of them

@@ -23,11 +23,6 @@ constexpr std::uint64_t enough = 16;  ///< frames for a jitter
 FrameClock::FrameClock(double interval_s, double exposure_s, double readout_s)
     : interval_s_(interval_s), exposure_s_(exposure_s), readout_s_(readout_s) {}
 
-void FrameClock::restart() {
-  last_.reset();
-  taken_ = 0;
-}
-
 FrameClock::Moment FrameClock::of(const DriverStamp& given) {
   const bool is_true = given.stamp && std::chrono::abs(*given.stamp - given.dequeued) <= farthest;
   const TimestampSource source = is_true ? given.source : TimestampSource::dequeue;

@@ -38,9 +38,6 @@ class FrameClock {
   /// Of the frames from now on, where a driver tells it.
   void set_exposure(double exposure_s) { exposure_s_ = exposure_s; }
 
-  /// The stream begins anew: other frames, the same camera.
-  void restart();
-
  private:
   void measure(HostTime time, std::uint64_t sequence);
   HostTime earliest(HostTime dequeued, std::uint64_t sequence);

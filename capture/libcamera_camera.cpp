@@ -15,6 +15,18 @@ namespace {
 
 constexpr int max_idle_wakes = 10;
 
+/// What a camera goes on to change by itself.
+std::vector<std::string> automatics_of(const libcamera::Camera& camera, bool is_wanted) {
+  namespace controls = libcamera::controls;
+  std::vector<std::string> out;
+  if (!is_wanted) return out;
+  const libcamera::ControlInfoMap& has = camera.controls();
+  if (has.count(&controls::AeEnable)) out.push_back("exposure");
+  if (has.count(&controls::AwbEnable)) out.push_back("white balance");
+  if (has.count(&controls::AfMode)) out.push_back("focus");
+  return out;
+}
+
 }  // namespace
 
 std::unique_ptr<Camera> make_libcamera_camera(const CameraSource& source,
@@ -32,7 +44,6 @@ LibcameraCamera::LibcameraCamera(const CameraSource& source, const std::string& 
   } catch (const std::runtime_error& error) {
     if (!source_.may_be_missing || !may_pass(error))
       throw std::runtime_error("camera " + source_.name + ": " + error.what());
-    error_ = open_error(id_, error, false);
   }
 }
 
@@ -56,23 +67,26 @@ Camera::Outcome LibcameraCamera::lost(std::string why) {
 /// Throws where it can't be had, or is another camera than is wanted or was here before.
 void LibcameraCamera::open() {
   const auto camera = find_libcamera_camera(id_);
+  const auto model = camera->properties().get(libcamera::properties::Model);
+  CameraIdentity found{camera->id(), model.value_or(""), {}, {}};
+  tell(found);
+  check_identity(camera->id(), found, source_, accepted_);
   const V4l2Request request{source_.model.width_px, source_.model.height_px, source_.colour,
                             source_.device};
   auto stream = std::make_unique<LibcameraStream>(camera, request);
   const V4l2Format& given = stream->format();
-  const auto model = camera->properties().get(libcamera::properties::Model);
-  const CameraIdentity found{camera->id(), model.value_or(""), {}, mode_text(given)};
-  {
-    const std::lock_guard lock(mutex_);
-    identity_ = found;
-  }
-  check_identity(camera->id(), found, source_, accepted_);
   RawPicture picture(given, source_.colour);
   if (accepted_ && picture.format() != pixels_)
     throw WrongCamera(id_ + ": gives other pixels than before");
   pixels_ = picture.format();
+  // The ring's slots are of this size; a camera as it is set may come back with another.
+  source_.model.width_px = given.width_px;
+  source_.model.height_px = given.height_px;
   id_ = camera->id();  // a number may be another's tomorrow
+  found.mode = mode_text(given);
   accepted_ = found;
+  automatic_ = automatics_of(*camera, source_.device.picture.automatic);
+  tell(found);
   stream_ = std::move(stream);
   picture_ = std::move(picture);
   sequence_.restart();
@@ -83,14 +97,19 @@ void LibcameraCamera::open() {
 /// What a frame was taken with.
 void LibcameraCamera::read_settings(const libcamera::ControlList& told) {
   namespace controls = libcamera::controls;
-  PictureSettings now;
+  PictureNumbers now;
   if (const auto us = told.get(controls::ExposureTime)) now.exposure_s = 1e-6 * *us;
   if (const auto gain = told.get(controls::AnalogueGain)) now.gain = *gain;
   if (const auto dioptres = told.get(controls::LensPosition)) now.focus = *dioptres;
   if (const auto kelvin = told.get(controls::ColourTemperature)) now.white_balance_k = *kelvin;
-  if (source_.device.picture.automatic) now.automatic = {"exposure", "white balance"};
   const std::lock_guard lock(mutex_);
-  settings_ = now;
+  static_cast<PictureNumbers&>(settings_) = now;
+}
+
+void LibcameraCamera::tell(const CameraIdentity& found) {
+  const std::lock_guard lock(mutex_);
+  identity_ = found;
+  settings_.automatic = automatic_;
 }
 
 Camera::Outcome LibcameraCamera::next(std::span<std::uint8_t> slot, Frame& frame) {
@@ -100,9 +119,10 @@ Camera::Outcome LibcameraCamera::next(std::span<std::uint8_t> slot, Frame& frame
     try {
       open();
     } catch (const std::runtime_error& error) {
-      return lost(open_error(id_, error, accepted_.has_value()));
+      return lost(open_error(id_.empty() ? "libcamera" : id_, error, accepted_.has_value()));
     }
   }
+  if (const auto why = std::exchange(broken_, std::nullopt)) return lost(*why);
   try {
     if (!std::exchange(is_streaming_, true)) stream_->start();
     for (int idle = 0; idle < max_idle_wakes; ++idle) {
@@ -112,6 +132,7 @@ Camera::Outcome LibcameraCamera::next(std::span<std::uint8_t> slot, Frame& frame
         case EventFlag::Woken::by_time:
           return lost(id_ + ": no frame for 2 s");
         case EventFlag::Woken::by_device:
+        case EventFlag::Woken::by_event:
           break;
       }
       if (const auto picture = stream_->take()) return give(*picture, slot, frame);
@@ -142,7 +163,11 @@ Camera::Outcome LibcameraCamera::give(const LibcameraStream::Picture& given,
     is_whole = picture_->write(given.bytes, slot);
     given.pixels->end_reading();
   }
-  stream_->give_back(given);
+  try {
+    stream_->give_back(given);
+  } catch (const DeviceError& error) {
+    broken_ = error.is_gone() ? id_ + ": was unplugged" : error.what();
+  }
   frame.camera = source_.id;
   frame.sequence = stamp.sequence;
   frame.row0_mid_exposure = moment.row0_mid_exposure;
@@ -150,7 +175,7 @@ Camera::Outcome LibcameraCamera::give(const LibcameraStream::Picture& given,
   frame.time_sigma = moment.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);
   frame.exposure = from_seconds(exposure_s);
-  frame.image = view_of(slot, {format_.width_px, format_.height_px, pixels_, 0.0});
+  frame.image = view_of(slot, format_.width_px, format_.height_px, pixels_);
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

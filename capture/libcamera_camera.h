@@ -36,6 +36,7 @@ class LibcameraCamera : public Camera {
 
  private:
   void open();
+  void tell(const CameraIdentity& found);
   void read_settings(const libcamera::ControlList& told);
   Outcome lost(std::string why);
   Outcome give(const LibcameraStream::Picture& picture, std::span<std::uint8_t> slot, Frame& frame);
@@ -51,6 +52,8 @@ class LibcameraCamera : public Camera {
   EventFlag interrupted_;
   std::unique_ptr<LibcameraStream> stream_;
   bool is_streaming_ = false;
+  std::optional<std::string> broken_;   ///< why the frame just given is the stream's last
+  std::vector<std::string> automatic_;  ///< what it changes by itself
   std::optional<RawPicture> picture_;
   SequenceCounter sequence_;
   BootClock boot_clock_;

@@ -11,13 +11,13 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <type_traits>
 #include <utility>
 
 #include "capture/libcamera_list.h"
 #include "capture/live_camera.h"
+#include "capture/quotation.h"
 
 namespace throwcal {
 namespace {
@@ -56,26 +56,20 @@ std::string offered_text(const libcamera::StreamFormats& formats) {
   return out;
 }
 
-std::string text_of(double number) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", number);
-  return text;
-}
-
 /// `wish` is in the rig file's unit, the control in one of `unit` times that.
 template <typename T>
 void set(libcamera::ControlList& out, const libcamera::ControlInfoMap& has,
          const libcamera::Control<T>& control, const char* key, const std::optional<double>& wish,
          double unit) {
   if (!wish) return;
-  const std::string place = std::string(key) + " = " + text_of(*wish) + ": ";
+  const std::string place = std::string(key) + " = " + number_text(*wish) + ": ";
   if (!has.count(&control)) throw std::runtime_error(place + "the camera has no such control");
   const libcamera::ControlInfo& info = has.at(&control);
   const double least = unit * static_cast<double>(info.min().get<T>()),
                most = unit * static_cast<double>(info.max().get<T>());
   if (*wish < least || *wish > most)
-    throw std::runtime_error(place + "the camera goes from " + text_of(least) + " to " +
-                             text_of(most));
+    throw std::runtime_error(place + "the camera goes from " + number_text(least) + " to " +
+                             number_text(most));
   const double value = *wish / unit;
   out.set(control, static_cast<T>(std::is_integral_v<T> ? std::round(value) : value));
 }
@@ -152,12 +146,14 @@ LibcameraStream::LibcameraStream(std::shared_ptr<libcamera::Camera> camera,
   if (const auto limits_us = controls_.get(libcamera::controls::FrameDurationLimits))
     format_.frames_per_s = 1e6 / static_cast<double>((*limits_us)[0]);
   map();
-  camera_->requestCompleted.connect(this, &LibcameraStream::completed);
-  camera_->disconnected.connect(this, &LibcameraStream::disconnected);
+  const auto counter = counter_;
+  camera_->requestCompleted.connect(
+      this, [counter](libcamera::Request* request) { counter->take_in(request); });
+  camera_->disconnected.connect(this, [counter] { counter->close(); });
 }
 
 LibcameraStream::~LibcameraStream() {
-  camera_->stop();  // of a camera that does not run: nothing. Returns when the last callback has
+  camera_->stop();  // of a camera that does not run, or is gone: nothing
   camera_->requestCompleted.disconnect(this);
   camera_->disconnected.disconnect(this);
 }
@@ -195,7 +191,6 @@ void LibcameraStream::configure(const V4l2Request& wanted) {
   format_.width_px = static_cast<int>(stream.size.width);
   format_.height_px = static_cast<int>(stream.size.height);
   format_.stride_bytes = stream.stride;
-  format_.card = camera_->id(), format_.driver = "libcamera";
   // Luma comes first, whatever follows it.
   if (best == V4L2_PIX_FMT_NV12 && !wanted.colour) format_.fourcc = V4L2_PIX_FMT_GREY;
   format_.least_bytes = least_bytes(format_);
@@ -215,7 +210,7 @@ void LibcameraStream::map() {
     check(request->addBuffer(stream_, buffer.get()), "addBuffer");
     requests_.push_back(std::move(request));
   }
-  done_.resize(requests_.size());
+  counter_->done.resize(requests_.size());
 }
 
 void LibcameraStream::start() {
@@ -225,31 +220,32 @@ void LibcameraStream::start() {
   for (const auto& request : requests_) check(camera_->queueRequest(request.get()), "queueRequest");
 }
 
-void LibcameraStream::completed(libcamera::Request* request) {
+void LibcameraStream::Counter::take_in(libcamera::Request* request) {
   if (request->status() == libcamera::Request::RequestCancelled) return;  // the stream ends
   const HostTime at = now();
   {
-    const std::lock_guard lock(mutex_);
-    done_[(first_ + count_++) % done_.size()] = {request, at};
+    const std::lock_guard lock(mutex);
+    done[(first + count++) % done.size()] = {request, at};
   }
-  ready_.set();
+  ready.set();
 }
 
-void LibcameraStream::disconnected() {
-  is_gone_ = true;
-  ready_.set();
+void LibcameraStream::Counter::close() {
+  is_gone = true;
+  ready.set();
 }
 
 std::optional<LibcameraStream::Picture> LibcameraStream::take() {
-  ready_.clear();
-  if (is_gone_) fail(camera_->id(), "was unplugged", ENODEV);
+  counter_->ready.clear();
+  if (counter_->is_gone) fail(camera_->id(), "was unplugged", ENODEV);
   Done done;
   {
-    const std::lock_guard lock(mutex_);
-    if (count_ == 0) return std::nullopt;
-    done = done_[first_];
-    first_ = (first_ + 1) % done_.size();
-    if (--count_ > 0) ready_.set();
+    Counter& counter = *counter_;
+    const std::lock_guard lock(counter.mutex);
+    if (counter.count == 0) return std::nullopt;
+    done = counter.done[counter.first];
+    counter.first = (counter.first + 1) % counter.done.size();
+    if (--counter.count > 0) counter.ready.set();
   }
   const libcamera::FrameBuffer* buffer = done.request->findBuffer(stream_);
   const libcamera::FrameMetadata& metadata = buffer->metadata();

@@ -60,7 +60,7 @@ class LibcameraStream {
   void start();  ///< throws DeviceError
 
   const V4l2Format& format() const { return format_; }
-  int fd() const { return ready_.fd(); }  ///< readable when take() has something to say
+  int fd() const { return counter_->ready.fd(); }  ///< readable when take() has something to say
 
   struct Picture {
     libcamera::Request* request = nullptr;
@@ -77,8 +77,6 @@ class LibcameraStream {
  private:
   void configure(const V4l2Request& wanted);
   void map();
-  void completed(libcamera::Request* request);  ///< on libcamera's thread
-  void disconnected();                          ///< there, too
   void check(int result, const char* what) const;
 
   /// Acquired as long as it lives.
@@ -102,11 +100,19 @@ class LibcameraStream {
     libcamera::Request* request;
     HostTime at;
   };
-  std::mutex mutex_;
-  std::vector<Done> done_;  ///< circular, one place a request: it cannot overflow
-  std::size_t first_ = 0, count_ = 0;
-  std::atomic<bool> is_gone_ = false;
-  EventFlag ready_;
+  /// Where libcamera's thread hands over what is done: it may be in the midst of that when the
+  /// stream dies.
+  struct Counter {
+    void take_in(libcamera::Request* request);
+    void close();
+
+    std::mutex mutex;
+    std::vector<Done> done;  ///< circular, one place a request: it cannot overflow
+    std::size_t first = 0, count = 0;
+    std::atomic<bool> is_gone = false;
+    EventFlag ready;
+  };
+  std::shared_ptr<Counter> counter_ = std::make_shared<Counter>();
 };
 
 }  // namespace throwcal

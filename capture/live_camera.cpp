@@ -18,15 +18,18 @@ void check_identity(const std::string& place, const CameraIdentity& found,
   CameraIdentity expected = accepted.value_or(CameraIdentity{});
   if (!source.device.model.empty()) expected.model = source.device.model;
   if (!source.device.serial.empty()) expected.serial = source.device.serial;
+  // Twins without serial numbers are told apart by their ports.
+  const bool is_moved = accepted && accepted->serial.empty() && accepted->port != found.port;
   if ((expected.model.empty() || expected.model == found.model) &&
-      (expected.serial.empty() || expected.serial == found.serial))
+      (expected.serial.empty() || expected.serial == found.serial) && !is_moved)
     return;
   std::string whose;
   for (const NamedSerial& other : source.others)
     if (other.serial == found.serial && !found.serial.empty())
       whose = ", which the rig file calls \"" + other.camera + "\": the cables are swapped";
-  throw WrongCamera(place + ": here is " + description(found) + whose + "; expected " +
-                    description(expected));
+  const auto port = [&](const std::string& text) { return is_moved ? " at " + text : ""; };
+  throw WrongCamera(place + ": here is " + description(found) + port(found.port) + whose +
+                    "; expected " + description(expected) + port(expected.port));
 }
 
 bool may_pass(const std::runtime_error& error) {

@@ -27,12 +27,13 @@ inline HostTime now() {
 }
 
 /// A slot with a picture in it, tightly packed.
-inline ImageView view_of(std::span<std::uint8_t> slot, const Camera::Format& format) {
-  const std::size_t bytes_a_pixel = format.format == PixelFormat::bgr    ? 3
-                                    : format.format == PixelFormat::yuyv ? 2
-                                                                         : 1;  // of the first plane
-  return {slot.data(), format.width_px, format.height_px,
-          static_cast<std::size_t>(format.width_px) * bytes_a_pixel, format.format};
+inline ImageView view_of(std::span<std::uint8_t> slot, int width_px, int height_px,
+                         PixelFormat format) {
+  const std::size_t bytes_a_pixel = format == PixelFormat::bgr    ? 3
+                                    : format == PixelFormat::yuyv ? 2
+                                                                  : 1;  // of the first plane
+  return {slot.data(), width_px, height_px, static_cast<std::size_t>(width_px) * bytes_a_pixel,
+          format};
 }
 
 /// What pictures come in: "640x480 YUYV at 30/s".

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "capture/quotation.h"
 
+#include <cstdio>
+
 namespace throwcal {
 
 std::string printable(std::string_view text, std::size_t enough) {
@@ -14,6 +16,12 @@ std::string printable(std::string_view text, std::size_t enough) {
       out += {'\\', 'x', hex[byte >> 4], hex[byte & 15]};
   }
   return text.size() > enough ? out + "..." : out;
+}
+
+std::string number_text(double number) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", number);
+  return text;
 }
 
 std::string in_quotes(std::string_view text) { return '"' + printable(text) + '"'; }

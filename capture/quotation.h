@@ -12,4 +12,7 @@ std::string printable(std::string_view text, std::size_t enough = 40);
 /// The same between quotes.
 std::string in_quotes(std::string_view text);
 
+/// As a person writes it: at most six digits.
+std::string number_text(double number);
+
 }  // namespace throwcal

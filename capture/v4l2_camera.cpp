@@ -14,6 +14,8 @@ namespace throwcal {
 namespace {
 
 constexpr int max_idle_wakes = 10;
+/// In which a camera's automatics find what suits the light.
+constexpr int settling_frames = 30;
 
 /// What the driver says that its stamp names; `unknown` where it does not say on which clock it is.
 TimestampSource source_of(std::uint32_t flags) {
@@ -24,14 +26,6 @@ TimestampSource source_of(std::uint32_t flags) {
              : TimestampSource::end_of_frame;
 }
 
-CameraIdentity identity_of(const V4l2Format& given, const std::string& path) {
-  CameraIdentity out = usb_identity(path);
-  out.port = given.bus.empty() ? path : given.bus;
-  if (out.model.empty()) out.model = given.card;
-  out.mode = mode_text(given);
-  return out;
-}
-
 }  // namespace
 
 V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
@@ -39,17 +33,13 @@ V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
   format_ = widest_format(source_);
   try {
     open();
-    format_ = {stream_->format().width_px, picture_->height_px(), pixels_,
-               field_interval_s_ > 0 ? 1 / field_interval_s_ : 0.0};
+    format_ = {source_.model.width_px, source_.model.height_px, pixels_,
+               field_interval_s_ > 0 ? 1 / field_interval_s_ : 0.0,
+               stream_->format().fields != Fields::progressive};
   } catch (const std::runtime_error& error) {
     if (!source_.may_be_missing || !may_pass(error))
       throw std::runtime_error("camera " + source_.name + ": " + error.what());
-    error_ = open_error(path_, error, false);
   }
-}
-
-V4l2Request V4l2Camera::request() const {
-  return {source_.model.width_px, source_.model.height_px, source_.colour, source_.device};
 }
 
 CameraIdentity V4l2Camera::identity() const {
@@ -70,37 +60,51 @@ Camera::Outcome V4l2Camera::lost(std::string why) {
   return Outcome::lost;
 }
 
-/// Throws where it can't be had, or is another camera than is wanted or was here before.
+/// Throws where it can't be had, or is another camera than is wanted or was here before: that is
+/// known before anything in it is changed.
 void V4l2Camera::open() {
-  auto stream = std::make_unique<V4l2Stream>(path_, request());
-  const V4l2Format& given = stream->format();
-  const CameraIdentity found = identity_of(given, path_);
-  {
-    const std::lock_guard lock(mutex_);
-    identity_ = found;
-  }
+  auto stream = std::make_unique<V4l2Stream>(path_);
+  CameraIdentity found = stream->identity();
+  tell(found);
   check_identity(path_, found, source_, accepted_);
+  stream->configure({source_.model.width_px, source_.model.height_px, source_.colour,
+                     source_.device, remembered_});
+  const V4l2Format& given = stream->format();
   RawPicture picture(given, source_.colour);
-  check_pixels(picture.format());
+  if (accepted_ && picture.format() != pixels_)
+    throw WrongCamera(path_ + ": gives other pixels than before");
   pixels_ = picture.format();
+  // The ring's slots are of this size; a device as it is set may come back with another.
+  source_.model.width_px = given.width_px;
+  source_.model.height_px = picture.height_px();
   const double frame_s = given.frames_per_s > 0 ? 1 / given.frames_per_s : 0.0;
   field_interval_s_ = given.fields == Fields::progressive ? frame_s : frame_s / 2;
-  clock_ = FrameClock(frame_s, stream->settings().exposure_s.value_or(0.0),
-                      source_.model.row_time_s * source_.model.height_px);
+  clock_ = FrameClock(frame_s, 0.0, source_.model.row_time_s * source_.model.height_px);
   sequence_.restart();
   stream_ = std::move(stream);
   picture_ = std::move(picture);
+  frames_ = 0;
+  found.mode = mode_text(given);
   accepted_ = found;
-  source_.device.picture = stream_->held_settings();  // plugged in anew, it knows nothing of them
-  const std::lock_guard lock(mutex_);
-  const int set_back = settings_.set_back;
-  settings_ = stream_->settings();
-  settings_.set_back += set_back;
+  tell(found);
+  adopt_settings();
 }
 
-/// The ring's slots are made; what they are to hold can't change.
-void V4l2Camera::check_pixels(PixelFormat found) const {
-  if (accepted_ && found != pixels_) throw WrongCamera(path_ + ": gives other pixels than before");
+void V4l2Camera::tell(const CameraIdentity& found) {
+  const std::lock_guard lock(mutex_);
+  identity_ = found;
+}
+
+/// What the camera's settings are now: told, believed by the clock, and given it again when it has
+/// been away.
+void V4l2Camera::adopt_settings() {
+  const PictureSettings& now = stream_->controls().settings();
+  if (!source_.device.picture.automatic) remembered_ = now;
+  clock_.set_exposure(now.exposure_s.value_or(0.0));
+  const std::lock_guard lock(mutex_);
+  const int set_back = settings_.set_back;
+  settings_ = now;
+  settings_.set_back = set_back;
 }
 
 std::optional<UsbStream> V4l2Camera::usb_stream() const {
@@ -120,9 +124,11 @@ std::string V4l2Camera::stream_error(const DeviceError& error) const {
          " has no room left for its pictures: " + usb_remedy;
 }
 
-void V4l2Camera::adopt_settings() {
+/// Another program has changed something, perhaps.
+void V4l2Camera::heed_event() {
+  const bool was_changed = stream_->controls().restore();  // may take long: not under the lock
   const std::lock_guard lock(mutex_);
-  settings_.set_back += stream_->restore_controls();
+  settings_.set_back += was_changed;
 }
 
 Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
@@ -140,14 +146,17 @@ Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
     if (const auto second = std::exchange(half_, std::nullopt))
       return give(*second, true, slot, frame);
     if (!std::exchange(is_streaming_, true)) stream_->start();
+    const HostTime last_moment = now() + patience;
     for (int idle = 0; idle < max_idle_wakes;) {
-      switch (interrupted_.wait(stream_->fd(), patience)) {
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(last_moment - now());
+      switch (interrupted_.wait(stream_->fd(), std::max(left, std::chrono::milliseconds(0)))) {
         case EventFlag::Woken::by_flag:
           return Outcome::interrupted;
         case EventFlag::Woken::by_time:
           return lost(path_ + ": no frame for 2 s; is its signal there?");
         case EventFlag::Woken::by_event:
-          adopt_settings();
+          heed_event();
+          if (now() > last_moment) ++idle;
           break;
         case EventFlag::Woken::by_device:
           ++idle;
@@ -172,6 +181,10 @@ void V4l2Camera::give_back(const V4l2Stream::Buffer& buffer) {
 /// A buffer just dequeued: its number and its time.
 Camera::Outcome V4l2Camera::take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot,
                                  Frame& frame) {
+  if (++frames_ == settling_frames) {
+    stream_->controls().hold_the_rest();
+    adopt_settings();
+  }
   const Fields fields = stream_->format().fields;
   // Two alternating fields are one frame to the driver's counter.
   const bool is_next =
@@ -213,8 +226,8 @@ Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_secon
   frame.timestamp_source = moment_.source;
   frame.time_sigma = moment_.sigma;
   frame.row_time = from_seconds(source_.model.row_time_s);
-  frame.exposure = from_seconds(stream_->settings().exposure_s.value_or(0.0));
-  frame.image = view_of(slot, {format_.width_px, format_.height_px, pixels_, 0.0});
+  frame.exposure = from_seconds(settings_.exposure_s.value_or(0.0));
+  frame.image = view_of(slot, format_.width_px, format_.height_px, pixels_);
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

@@ -36,11 +36,11 @@ class V4l2Camera : public Camera {
   std::optional<UsbStream> usb_stream() const override;
 
  private:
-  V4l2Request request() const;
   void open();
-  void check_pixels(PixelFormat found) const;
+  void tell(const CameraIdentity& found);
   void give_back(const V4l2Stream::Buffer& buffer);
   void adopt_settings();
+  void heed_event();
   std::string stream_error(const DeviceError& error) const;
   Outcome lost(std::string why);
   Outcome take(const V4l2Stream::Buffer& buffer, std::span<std::uint8_t> slot, Frame& frame);
@@ -52,13 +52,15 @@ class V4l2Camera : public Camera {
   Format format_;
   PixelFormat pixels_ = PixelFormat::grey;  ///< of the frames
   double field_interval_s_ = 0.0;
-  std::optional<CameraIdentity> accepted_;  ///< when it was first opened
+  std::optional<CameraIdentity> accepted_;  ///< when it was last opened
+  PictureNumbers remembered_;               ///< that it had then
   mutable std::mutex mutex_;                ///< guards the next two
   CameraIdentity identity_;                 ///< of what is there now, right or wrong
   PictureSettings settings_;
   EventFlag interrupted_;
   std::unique_ptr<V4l2Stream> stream_;
   bool is_streaming_ = false;
+  int frames_ = 0;                     ///< of this stream
   std::optional<std::string> broken_;  ///< why the frame just given is the stream's last
   std::optional<RawPicture> picture_;
   std::optional<V4l2Stream::Buffer> half_;  ///< of which the second field is still to be given

@@ -3,10 +3,13 @@
 
 #include <linux/videodev2.h>
 
+#include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <optional>
+
+#include "capture/quotation.h"
 
 namespace throwcal {
 namespace {
@@ -89,35 +92,39 @@ bool is_automatic(const V4l2Device& device, const Number& number) {
   return value_of(device, number.automatic) != number.off;
 }
 
-std::string text_of(double number) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", number);
-  return text;
+/// The control's nearest value to a number of the rig file.
+std::int32_t nearest(const v4l2_queryctrl& query, double value) {
+  const std::int64_t step = std::max(1, query.step);
+  const std::int64_t most = (std::int64_t{query.maximum} - query.minimum) / step;
+  const auto steps = std::llround((value - query.minimum) / static_cast<double>(step));
+  return static_cast<std::int32_t>(query.minimum + step * std::clamp<std::int64_t>(steps, 0, most));
 }
 
-/// The control's value for a wish. Throws where the camera does not go that far.
-std::int32_t value_for(const V4l2Device& device, const Number& number, double wish,
-                       const std::optional<v4l2_queryctrl>& query) {
-  const std::string place = device.path() + ": " + number.key + " = " + text_of(wish) + ": ";
+/// Throws where the camera does not go that far, or does not obey.
+void set_wish(const V4l2Device& device, const Number& number, double wish) {
+  const std::string place = device.path() + ": " + number.key + " = " + number_text(wish) + ": ";
+  const auto query = found(device, number);
   if (!query) throw std::runtime_error(place + "the camera has no such control");
   const double value = wish / number.unit;
   if (value < query->minimum - 0.5 || value > query->maximum + 0.5)
     throw std::runtime_error(place + "the camera goes from " +
-                             text_of(number.unit * query->minimum) + " to " +
-                             text_of(number.unit * query->maximum));
-  const int step = std::max(1, query->step);
-  const auto steps = static_cast<std::int32_t>(std::lround((value - query->minimum) / step));
-  return query->minimum + step * steps;
+                             number_text(number.unit * query->minimum) + " to " +
+                             number_text(number.unit * query->maximum));
+  if (is_automatic(device, number) && !set(device, number.automatic, number.off))
+    throw std::runtime_error(place + "the camera's automatic can't be switched off");
+  const std::int32_t wanted = nearest(*query, value);
+  if (!set(device, query->id, wanted)) device.fail(number.key);
+  const auto back = value_of(device, query->id);
+  if (!back || std::abs(std::int64_t{*back} - wanted) > std::max(1, query->step))
+    throw std::runtime_error(place + "it reads back as " +
+                             (back ? number_text(number.unit * *back) : "nothing"));
 }
 
-void set_and_read_back(const V4l2Device& device, const Number& number, std::uint32_t id,
-                       std::int32_t value) {
-  if (!set(device, id, value)) device.fail(number.key);
-  const auto back = value_of(device, id);
-  if (back == value) return;
-  throw std::runtime_error(device.path() + ": " + number.key + " was set to " +
-                           text_of(number.unit * value) + " and reads back as " +
-                           (back ? text_of(number.unit * *back) : "nothing"));
+/// False where the camera does not go along.
+bool try_number(const V4l2Device& device, const Number& number, double value) {
+  const auto query = found(device, number);
+  if (is_automatic(device, number)) set(device, number.automatic, number.off);
+  return query && set(device, query->id, nearest(*query, value / number.unit));
 }
 
 }  // namespace
@@ -134,50 +141,72 @@ std::vector<V4l2Control> list_controls(const V4l2Device& device) {
   return out;
 }
 
-V4l2Controls::V4l2Controls(const V4l2Device& device, const PictureWishes& wishes)
-    : device_(device), wishes_(wishes) {
-  if (!wishes.automatic) hold();
+V4l2Controls::V4l2Controls(const V4l2Device& device, const PictureWishes& wishes,
+                           const PictureNumbers& remembered)
+    : device_(device), is_automatic_wanted_(wishes.automatic) {
+  if (!wishes.automatic && found(device_, exposure_over_rate) &&
+      set(device_, exposure_over_rate, 0))
+    hold(exposure_over_rate, 0);
   for (const Number& number : numbers) {
-    if (is_automatic(device_, number)) settings_.automatic.push_back(number.word);
-    if (const auto query = found(device_, number))
-      if (const auto value = value_of(device_, query->id))
-        settings_.*number.value = number.unit * *value;
+    if (wishes.automatic) break;
+    if (const auto& wish = wishes.*number.value)
+      set_wish(device_, number, *wish);
+    else if (const auto& before = remembered.*number.value)
+      try_number(device_, number, *before);
+    const auto query = found(device_, number);
+    if (is_automatic(device_, number)) continue;  // it may find what suits the light
+    if (found(device_, number.automatic)) hold(number.automatic, number.off);
+    if (query && !(query->flags & V4L2_CTRL_FLAG_READ_ONLY))
+      if (const auto value = value_of(device_, query->id)) hold(query->id, *value);
   }
-  subscribe();
+  read_settings();
 }
 
-void V4l2Controls::hold() {
-  if (found(device_, exposure_over_rate) && set(device_, exposure_over_rate, 0))
-    held_.push_back({exposure_over_rate, 0});
+void V4l2Controls::hold_the_rest() {
+  if (is_automatic_wanted_) return;
+  // First read all: of some cameras the exposure's automatic changes the gain, too.
+  std::array<std::optional<std::int32_t>, numbers.size()> values;
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    if (const auto query = found(device_, numbers[i])) values[i] = value_of(device_, query->id);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (!is_automatic(device_, numbers[i])) continue;
+    if (!set(device_, numbers[i].automatic, numbers[i].off)) continue;
+    hold(numbers[i].automatic, numbers[i].off);
+    const auto query = found(device_, numbers[i]);
+    if (!query || !values[i]) continue;
+    set(device_, query->id, *values[i]);
+    hold(query->id, value_of(device_, query->id).value_or(*values[i]));
+  }
+  read_settings();
+  for (const Number& number : numbers)
+    if (is_automatic(device_, number)) settings_.automatic.push_back(number.word);
+}
+
+/// The driver then wakes poll() by POLLPRI when another program changes it. Not all can.
+void V4l2Controls::hold(std::uint32_t id, std::int32_t value) {
+  held_.push_back({id, value});
+  v4l2_event_subscription subscription{};
+  subscription.type = V4L2_EVENT_CTRL;
+  subscription.id = id;
+  device_.try_command(VIDIOC_SUBSCRIBE_EVENT, subscription);
+}
+
+/// What an automatic changes is nobody's setting.
+void V4l2Controls::read_settings() {
+  settings_ = {};
   for (const Number& number : numbers) {
     const auto query = found(device_, number);
-    auto& wish = wishes_.*number.value;
-    // As it is now, while the automatic is still at it: that is what suits the light.
-    const auto before = query ? value_of(device_, query->id) : std::nullopt;
-    const std::int32_t wanted =
-        wish ? value_for(device_, number, *wish, query) : before.value_or(0);
-    if (found(device_, number.automatic) && set(device_, number.automatic, number.off))
-      held_.push_back({number.automatic, number.off});
-    else if (wish && is_automatic(device_, number))
-      throw std::runtime_error(device_.path() + ": " + number.key +
-                               ": the camera's automatic can't be switched off");
-    if (wish)
-      set_and_read_back(device_, number, query->id, wanted);
-    else if (!before || !set(device_, query->id, wanted))
-      continue;  // it has none, or one that can only be looked at
-    held_.push_back({query->id, value_of(device_, query->id).value_or(wanted)});
-    wish = number.unit * held_.back().value;
+    if (is_automatic(device_, number)) {
+      if (is_automatic_wanted_) settings_.automatic.push_back(number.word);
+    } else if (query) {
+      if (const auto value = value_of(device_, query->id))
+        settings_.*number.value = number.unit * *value;
+    }
   }
 }
 
-/// The driver then wakes poll() by POLLPRI when another program changes one. Not all can.
-void V4l2Controls::subscribe() const {
-  for (const Held& held : held_) {
-    v4l2_event_subscription subscription{};
-    subscription.type = V4L2_EVENT_CTRL;
-    subscription.id = held.id;
-    device_.try_command(VIDIOC_SUBSCRIBE_EVENT, subscription);
-  }
+void V4l2Controls::set_again() {
+  for (const Held& held : held_) set(device_, held.id, held.value);
 }
 
 bool V4l2Controls::restore() {
@@ -186,12 +215,11 @@ bool V4l2Controls::restore() {
   }
   bool was_changed = false;
   for (const Held& held : held_) {
-    if (value_of(device_, held.id) == held.value) continue;
-    v4l2_control control{held.id, held.value};
-    device_.command(VIDIOC_S_CTRL, control, "VIDIOC_S_CTRL");
-    was_changed = true;
+    const auto now = value_of(device_, held.id);
+    if (!now && (errno == ENODEV || errno == ENXIO)) device_.fail("VIDIOC_G_CTRL");
+    if (!now || now == held.value || !set(device_, held.id, held.value)) continue;
+    was_changed |= value_of(device_, held.id) == held.value;
   }
-  settings_.set_back += was_changed;
   return was_changed;
 }
 

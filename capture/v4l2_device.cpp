@@ -29,6 +29,14 @@ std::string size_text(std::uint32_t width, std::uint32_t height) {
 bool DeviceError::is_gone() const { return code_ == ENODEV || code_ == ENXIO || code_ == ENOENT; }
 bool DeviceError::is_busy() const { return code_ == EBUSY; }
 
+CameraIdentity identity_of(const V4l2Device& device, const v4l2_capability& has) {
+  CameraIdentity out = usb_identity(device.path());
+  out.port = text_of(has.bus_info, sizeof has.bus_info);
+  if (out.port.empty()) out.port = device.path();
+  if (out.model.empty()) out.model = text_of(has.card, sizeof has.card);
+  return out;
+}
+
 V4l2Device::V4l2Device(const std::string& path)
     : path_(path), fd_(open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC)) {
   if (fd_ < 0) throw DeviceError(path + ": " + reason(errno), errno);

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <linux/videodev2.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+
+#include "capture/camera_identity.h"
 
 namespace throwcal {
 
@@ -50,6 +54,10 @@ class V4l2Device {
   std::string path_;
   int fd_;
 };
+
+/// Who is behind a device: the port, and the model and serial number of a USB camera, or the card's
+/// name.
+CameraIdentity identity_of(const V4l2Device& device, const v4l2_capability& has);
 
 /// A driver's text: up to its end or `most` characters.
 std::string text_of(const std::uint8_t* characters, std::size_t most);

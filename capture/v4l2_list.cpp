@@ -103,7 +103,8 @@ std::optional<V4l2Listing> listing(const std::string& path) {
     out.offers = offers(
         device, is_multi_planar ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE);
     out.inputs = inputs(device);
-    out.serial = usb_identity(path).serial;
+    const CameraIdentity identity = identity_of(device, has);
+    out.model = identity.model, out.serial = identity.serial;
     out.controls = list_controls(device);
     if (out.offers.empty())
       out.problem = "offers no picture format: nothing feeds it, or its cable is off";

@@ -24,7 +24,7 @@ struct V4l2Listing {
   std::string device;   ///< "/dev/video0"
   std::string by_path;  ///< by the port it is plugged into: stays when others come and go; or empty
   std::string card, driver, bus;
-  std::string serial;  ///< empty: it has none
+  std::string model, serial;  ///< as a rig file names it; a serial may be empty: it has none
   std::vector<V4l2Offer> offers;
   std::vector<std::string> inputs;    ///< of a card with several
   std::vector<V4l2Control> controls;  ///< of its pictures

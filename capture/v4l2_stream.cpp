@@ -152,12 +152,13 @@ std::string fourcc_text(std::uint32_t fourcc) {
   return out;
 }
 
-V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : device_(path) {
+V4l2Stream::V4l2Stream(const std::string& path) : device_(path) {
   v4l2_capability has{};
   if (!device_.try_command(VIDIOC_QUERYCAP, has)) {
     if (errno == ENOTTY) throw DeviceError(path + ": is no V4L2 device", ENOTTY);
     device_.fail("VIDIOC_QUERYCAP");
   }
+  identity_ = identity_of(device_, has);
   const std::uint32_t can =
       has.capabilities & V4L2_CAP_DEVICE_CAPS ? has.device_caps : has.capabilities;
   if (can & V4L2_CAP_VIDEO_CAPTURE)
@@ -166,13 +167,13 @@ V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : de
     type_ = V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
   if (!type_ || !(can & V4L2_CAP_STREAMING))
     throw std::runtime_error(path + ": is no camera that streams");
-  format_.card = text_of(has.card, sizeof has.card);
-  format_.driver = text_of(has.driver, sizeof has.driver);
-  format_.bus = text_of(has.bus_info, sizeof has.bus_info);
+}
+
+void V4l2Stream::configure(const V4l2Request& request) {
   choose_input(request);
   negotiate(request);
   set_rate(request);
-  controls_.emplace(device_, request.device.picture);
+  controls_.emplace(device_, request.device.picture, request.remembered);
   try {
     map_buffers();
   } catch (...) {
@@ -183,7 +184,7 @@ V4l2Stream::V4l2Stream(const std::string& path, const V4l2Request& request) : de
 
 void V4l2Stream::start() {
   device_.command(VIDIOC_STREAMON, type_, "VIDIOC_STREAMON");
-  controls_->restore();  // some cameras begin a stream with numbers of their own
+  controls_->set_again();
 }
 
 V4l2Stream::~V4l2Stream() {

@@ -19,6 +19,7 @@ struct V4l2Request {
   int width_px = 0, height_px = 0;  ///< 0x0: as the driver is set
   bool colour = false;              ///< prefer formats with chroma
   DeviceWishes device;
+  PictureNumbers remembered{};  ///< of a camera that was here before
 };
 
 /// How the lines of a buffer follow each other.
@@ -32,7 +33,6 @@ struct V4l2Format {
   Fields fields = Fields::progressive;
   bool is_top_first = true;   ///< of two fields
   double frames_per_s = 0.0;  ///< 0: the driver does not say
-  std::string card, driver, bus;
 };
 
 std::string fourcc_text(std::uint32_t fourcc);
@@ -51,18 +51,18 @@ std::size_t least_bytes(const V4l2Format& format);
 /// time. Ends the stream when it dies.
 class V4l2Stream {
  public:
-  /// Opens, negotiates and maps the buffers. Throws DeviceError, or std::runtime_error with
-  /// what was asked and what there is.
-  V4l2Stream(const std::string& path, const V4l2Request& request);
+  /// Opens the device and changes nothing in it. Throws DeviceError, or std::runtime_error where
+  /// it is no camera.
+  explicit V4l2Stream(const std::string& path);
   V4l2Stream(const V4l2Stream&) = delete;
   ~V4l2Stream();
 
+  const CameraIdentity& identity() const { return identity_; }  ///< all but its mode
+  /// Once: negotiates and maps the buffers. Throws DeviceError, or std::runtime_error with what was
+  /// asked and what there is.
+  void configure(const V4l2Request& request);
   void start();  ///< throws DeviceError
-  /// The driver has told an event: controls that another program changed are set back. True if
-  /// there were any. Throws DeviceError.
-  bool restore_controls() { return controls_->restore(); }
-  const PictureSettings& settings() const { return controls_->settings(); }
-  const PictureWishes& held_settings() const { return controls_->held(); }
+  V4l2Controls& controls() { return *controls_; }
 
   const V4l2Format& format() const { return format_; }
   int fd() const { return device_.fd(); }
@@ -91,6 +91,7 @@ class V4l2Stream {
 
   V4l2Device device_;
   std::uint32_t type_ = 0;  ///< V4L2_BUF_TYPE_...
+  CameraIdentity identity_;
   V4l2Format format_;
   std::optional<V4l2Controls> controls_;
   std::vector<Mapping> mappings_;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/camera_changes.h"
 
-#include <optional>
+#include <algorithm>
 
 namespace throwcal {
 namespace {
@@ -13,27 +13,39 @@ CameraIdentity read(const Json& device) {
           device.value("mode", "")};
 }
 
-/// The same camera, as far as can be told: one without a serial number is known by its port.
-bool is_same(const CameraIdentity& a, const CameraIdentity& b) {
+/// "640x480" of "640x480 YUYV at 30/s".
+std::string size_of(const CameraIdentity& device) {
+  return device.mode.substr(0, device.mode.find(' '));
+}
+
+/// The same camera, as far as can be told: one without a serial number is known by its port, and so
+/// is one of several with the same.
+bool is_same(const Json& document, const CameraIdentity& a, const CameraIdentity& b) {
   if (a.model != b.model || a.serial != b.serial) return false;
-  return !a.serial.empty() || a.port == b.port;
+  const auto has_it = [&](const Json& camera) {
+    return camera.contains("device") && read(camera.at("device")).serial == a.serial;
+  };
+  const bool is_unique =
+      !a.serial.empty() && std::ranges::count_if(document.at("cameras"), has_it) < 2;
+  return is_unique || a.port == b.port;
 }
 
 /// The camera of the document whose device this is; a camera without a serial number could be any.
 std::string name_in(const Json& document, const CameraIdentity& device) {
   for (const Json& camera : document.at("cameras"))
     if (!device.serial.empty() && camera.contains("device") &&
-        is_same(read(camera.at("device")), device))
+        is_same(document, read(camera.at("device")), device))
       return camera.at("name").get<std::string>();
   return {};
 }
 
 }  // namespace
 
-Json devices_of(const std::vector<CameraStats>& cameras) {
+Json devices_of(const std::vector<CameraStats>& cameras, bool only_working) {
   Json out = Json::object();
   for (const CameraStats& camera : cameras)
-    if (const CameraIdentity& is = camera.identity; !is.port.empty())
+    if (const CameraIdentity& is = camera.identity;
+        !is.port.empty() && !(only_working && !camera.error.empty()))
       out[camera.name] = {
           {"port", is.port}, {"model", is.model}, {"serial", is.serial}, {"mode", is.mode}};
   return out;
@@ -53,8 +65,10 @@ std::vector<std::string> camera_changes(const Json& document, const Json& device
     if (!camera.contains("device") || !devices_now.contains(name)) continue;
     const CameraIdentity was = read(camera.at("device")), is = read(devices_now.at(name));
     const std::string place = "camera \"" + name + "\"";
-    if (is_same(was, is)) {
-      if (was.mode != is.mode) out.push_back(place + " gave " + was.mode + ", now " + is.mode);
+    if (is_same(document, was, is)) {
+      // Rate and pixel format leave a pixel where it is.
+      if (!is.mode.empty() && size_of(was) != size_of(is))
+        out.push_back(place + " gave " + was.mode + ", now " + is.mode);
       continue;
     }
     const std::string whose = name_in(document, is);

@@ -9,8 +9,9 @@
 namespace throwcal {
 
 /// {"north": {"port", "model", "serial", "mode"}, ...}: the devices behind the cameras, as far as
-/// they are known; a film or a simulated camera has none.
-nlohmann::ordered_json devices_of(const std::vector<CameraStats>& cameras);
+/// they are known; a film or a simulated camera has none. `only_working`: not of a camera that has
+/// an error, as a stranger at its port.
+nlohmann::ordered_json devices_of(const std::vector<CameraStats>& cameras, bool only_working);
 
 /// Gives each camera of a calibration document its `device`.
 void add_devices(nlohmann::ordered_json& document, const nlohmann::ordered_json& devices);

@@ -130,11 +130,9 @@ std::vector<std::string> warnings_of(const Config& config,
   std::vector<std::string> out = usb_overloads(streams);
   for (const auto& camera : cameras) {
     const double asked = asked_rate(config, camera->name());
-    const double given = camera->format().frames_per_s;
-    // Interlaced, each frame is two pictures.
-    const bool is_kept =
-        std::abs(given - asked) < 0.02 * asked || std::abs(given - 2 * asked) < 0.04 * asked;
-    if (asked > 0 && given > 0 && !is_kept)
+    const Camera::Format format = camera->format();
+    const double given = format.frames_per_s / (format.is_interlaced ? 2 : 1);
+    if (asked > 0 && given > 0 && std::abs(given - asked) > 0.02 * asked)
       out.push_back("camera \"" + camera->name() + "\": asked for " + shortest(asked) +
                     " frames a second, it gives " + shortest(given));
   }

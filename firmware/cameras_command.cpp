@@ -34,6 +34,9 @@ Json to_json(const LibcameraListing& camera) {
           {"card", camera.model},
           {"driver", "libcamera"},
           {"bus", camera.id},
+          {"model", camera.model},
+          {"serial", nullptr},
+          {"controls", Json::object()},
           {"inputs", Json::array()},
           {"formats", to_json(camera.offers)},
           {"problem", known(camera.problem)}};
@@ -45,11 +48,17 @@ Json to_json(const V4l2Listing& camera) {
   for (const V4l2Control& c : camera.controls)
     controls[c.key] = {
         {"least", c.least}, {"most", c.most}, {"now", c.now}, {"automatic", c.is_automatic}};
-  return {{"source", "v4l2:" + where},        {"device", camera.device},
-          {"by_path", known(camera.by_path)}, {"card", camera.card},
-          {"driver", camera.driver},          {"bus", camera.bus},
-          {"serial", known(camera.serial)},   {"controls", controls},
-          {"inputs", camera.inputs},          {"formats", to_json(camera.offers)},
+  return {{"source", "v4l2:" + where},
+          {"device", camera.device},
+          {"by_path", known(camera.by_path)},
+          {"card", camera.card},
+          {"driver", camera.driver},
+          {"bus", camera.bus},
+          {"model", camera.model},
+          {"serial", known(camera.serial)},
+          {"controls", controls},
+          {"inputs", camera.inputs},
+          {"formats", to_json(camera.offers)},
           {"problem", known(camera.problem)}};
 }
 
@@ -92,6 +101,7 @@ void print(const V4l2Listing& camera) {
               camera.driver.c_str(), camera.bus.c_str());
   std::printf("  source = \"v4l2:%s\"\n",
               (camera.by_path.empty() ? camera.device : camera.by_path).c_str());
+  if (!camera.model.empty()) std::printf("  model = \"%s\"\n", camera.model.c_str());
   if (!camera.serial.empty()) std::printf("  serial = \"%s\"\n", camera.serial.c_str());
   if (!camera.problem.empty()) std::printf("  PROBLEM: %s\n", camera.problem.c_str());
   if (camera.inputs.size() > 1) {
@@ -112,7 +122,8 @@ int list(bool as_json) {
     Json out = Json::array();
     for (const V4l2Listing& camera : cameras) out.push_back(to_json(camera));
     for (const LibcameraListing& camera : others) out.push_back(to_json(camera));
-    std::printf("%s\n", out.dump(2).c_str());
+    // A driver's name may be cut in the midst of a letter.
+    std::printf("%s\n", out.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
   } else {
     for (const V4l2Listing& camera : cameras) print(camera);
     for (const LibcameraListing& camera : others) print(camera);

@@ -142,7 +142,7 @@ void Daemon::keep(const News& news) {
     store_.add_flights(id, news.flights);
     if (news.calibration) {
       Json document = to_json(*news.calibration, utc_now());
-      add_devices(document, store_.devices(id));
+      add_devices(document, devices_of_session());
       store_.put_calibration(id, document, news.throws);
       judged_devices_ = nullptr;
     }
@@ -152,14 +152,24 @@ void Daemon::keep(const News& news) {
 
 bool Daemon::cameras_are_warm() const {
   return std::ranges::all_of(rig_.stats(), [](const CameraStats& camera) {
-    return !camera.running || camera.frames >= warm_frames;
+    return !camera.running || !camera.error.empty() || camera.frames >= warm_frames;
   });
+}
+
+/// What was behind the cameras when the session began, and of those that came later since then.
+Json Daemon::devices_of_session() const {
+  Json devices = store_.devices(*session_.id());
+  if (began_here_ != session_.id()) return devices;
+  const Json now = devices_of(rig_.stats(), true);
+  for (const auto& [name, device] : now.items())
+    if (!devices.contains(name)) devices[name] = device;
+  return devices;
 }
 
 /// Whether the last calibration is that of the cameras as they are now, looked into again only when
 /// one of both has changed.
 void Daemon::judge_last_calibration() {
-  Json devices = devices_of(rig_.stats());
+  Json devices = devices_of(rig_.stats(), false);
   if (devices == judged_devices_) return;
   std::optional<Json> latest;
   try {
@@ -245,9 +255,10 @@ Json Daemon::start_capture() {
   Session next = session_;
   if (const auto refusal = next.start(0, cameras_are_warm())) throw RpcError(rpc_refused, *refusal);
   std::int64_t id = 0;
-  if (!stored([&] { id = store_.start_session(utc_now(), devices_of(rig_.stats())); }))
+  if (!stored([&] { id = store_.start_session(utc_now(), devices_of(rig_.stats(), true)); }))
     throw RpcError(rpc_refused, *fault_);
   (void)session_.start(id, cameras_are_warm());
+  began_here_ = id;
   estimator_->begin_session();
   log_info("session " + std::to_string(id) + " began");
   return status();
@@ -277,7 +288,7 @@ Json Daemon::hello() const {
 Json Daemon::camera_list() const {
   Json out = Json::array();
   const std::vector<CameraStats> stats = rig_.stats();
-  const Json devices = devices_of(stats);
+  const Json devices = devices_of(stats, false);
   for (std::size_t i = 0; i < stats.size(); ++i) {
     const CameraModel& model = config_.rig.cameras[i].model;
     out.push_back({{"name", config_.rig.cameras[i].name},

@@ -49,6 +49,7 @@ class Daemon {
   bool cameras_are_warm() const;
   void read_news();
   void keep(const News& news);
+  JsonRpc::Json devices_of_session() const;
   void judge_last_calibration();
   void tick();
   void tell_camera_faults(const Status& now);
@@ -69,6 +70,7 @@ class Daemon {
   JsonRpc rpc_;
   TcpLink link_;
   std::optional<std::string> fault_, calibration_problem_;
+  std::optional<std::int64_t> began_here_;  ///< the session that began in this process
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<EstimatorThread> estimator_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;

@@ -115,6 +115,7 @@ void EstimatorThread::obey(Order order, std::vector<Track> flights, std::stop_to
       pause_ = {};
       for (const FrameSightings& frame : std::exchange(remembered_, {}))
         if (frame.time >= newest_ - pre_trigger_) take(frame, stop);
+      newest_ = {};
       return;
     case Order::finish:
       if (search_) finish_search(stop);
@@ -146,7 +147,8 @@ void EstimatorThread::finish_search(std::stop_token stop) {
 void EstimatorThread::remember(FrameSightings frame) {
   newest_ = std::max(newest_, frame.time);
   remembered_.push_back(std::move(frame));
-  while (remembered_.front().time < newest_ - pre_trigger_) remembered_.pop_front();
+  while (!remembered_.empty() && remembered_.front().time < newest_ - pre_trigger_)
+    remembered_.pop_front();
 }
 
 void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {

@@ -64,6 +64,7 @@ class Reel {
  public:
   Reel(std::unique_ptr<Camera> camera, std::size_t ring_slots)
       : grabber_(std::move(camera), ring_slots) {}
+  ~Reel() { stop(); }
 
   const std::string& name() const { return grabber_.camera().name(); }
   Camera::Format format() const { return grabber_.camera().format(); }

@@ -80,7 +80,7 @@ std::int64_t Store::start_session(const std::string& utc, const Json& devices) {
           " VALUES(?, 'capturing', ?, ?)")
       .bind(utc)
       .bind(Json(camera_names_).dump())
-      .bind(devices.dump())
+      .bind(devices.dump(-1, ' ', false, Json::error_handler_t::replace))
       .run();
   return database_.last_id();
 }
@@ -132,7 +132,7 @@ void Store::put_calibration(std::int64_t session, const Json& document, int thro
       .bind(document.at("created_utc").get<std::string>())
       .bind(document.at("verdict").get<std::string>())
       .bind(std::int64_t{throws})
-      .bind(document.dump())
+      .bind(document.dump(-1, ' ', false, Json::error_handler_t::replace))
       .run();
 }
 

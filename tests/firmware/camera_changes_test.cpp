@@ -22,13 +22,14 @@ const CameraIdentity eye_a{"usb-1", "Eye", "A", vga}, eye_b{"usb-2", "Eye", "B",
 /// A calibration made with these cameras.
 Json made_with(const CameraIdentity& north, const CameraIdentity& east) {
   Json document{{"cameras", {{{"name", "north"}}, {{"name", "east"}}}}};
-  add_devices(document, devices_of({camera("north", north), camera("east", east)}));
+  add_devices(document, devices_of({camera("north", north), camera("east", east)}, true));
   return document;
 }
 
 std::vector<std::string> changes(const Json& document, const CameraIdentity& north,
                                  const CameraIdentity& east) {
-  return camera_changes(document, devices_of({camera("north", north), camera("east", east)}));
+  return camera_changes(document,
+                        devices_of({camera("north", north), camera("east", east)}, false));
 }
 
 TEST(CameraChanges, NothingSpeaksAgainstTheSameCamerasOrUnknownOnes) {
@@ -69,6 +70,27 @@ TEST(CameraChanges, ACameraIsItselfAtAnotherPortIfItHasASerialNumber) {
   plain.serial = plain_moved.serial = "";
   EXPECT_TRUE(changes(made_with(eye_a, eye_b), moved, eye_b).empty());
   EXPECT_EQ(changes(made_with(eye_a, plain), eye_a, plain_moved).size(), 1u);
+}
+
+TEST(CameraChanges, TwinsWithOneSerialNumberAreKnownByTheirPorts) {
+  CameraIdentity one{"usb-1", "Eye", "SN0001", vga}, other{"usb-2", "Eye", "SN0001", vga};
+  EXPECT_TRUE(changes(made_with(one, other), one, other).empty());
+  CameraIdentity one_at_2 = one, other_at_1 = other;
+  std::swap(one_at_2.port, other_at_1.port);
+  EXPECT_EQ(changes(made_with(one, other), one_at_2, other_at_1).size(), 2u);
+}
+
+TEST(CameraChanges, AnotherRateIsTheSamePicture) {
+  CameraIdentity slow = eye_a;
+  slow.mode = "640x480 MJPG at 15/s";
+  EXPECT_TRUE(changes(made_with(eye_a, eye_b), slow, eye_b).empty());
+}
+
+TEST(CameraChanges, AStrangerAtAPortIsNotTheSessionsCamera) {
+  CameraStats north = camera("north", eye_b);
+  north.error = "here is another camera";
+  EXPECT_TRUE(devices_of({north}, true).empty());
+  EXPECT_EQ(devices_of({north}, false)["north"]["serial"], "B");
 }
 
 }  // namespace

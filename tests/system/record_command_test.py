@@ -64,7 +64,7 @@ def enter_after_the_throw_still_has_it(build: pathlib.Path, folder: pathlib.Path
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as filming:
         assert "press Enter" in filming.stderr.readline()
         time.sleep(4)  # what is to be filmed happens
-        pressed = time.clock_gettime(time.CLOCK_MONOTONIC)
+        pressed_ms = 1000 * time.clock_gettime(time.CLOCK_MONOTONIC)
         out, err = filming.communicate("\n", timeout=60)
     assert filming.returncode == 0 and err == "", (filming.returncode, out, err)
     for name in ("cam1", "cam2"):
@@ -72,8 +72,21 @@ def enter_after_the_throw_still_has_it(build: pathlib.Path, folder: pathlib.Path
         times = times_of(film)
         assert len(times) == frames_of(build, film)
         steps = [b - a for a, b in zip(times, times[1:])]
+        reported = next(line.split() for line in out.splitlines() if line.startswith(name))
         assert min(steps) > 1, "no frame twice"
-        assert times[-1] - times[0] > 1900, (times[0], times[-1], pressed)
+        assert times[0] >= pressed_ms - 2000 and times[0] < pressed_ms - 1500, (times[0], pressed_ms)
+        assert times[-1] > pressed_ms, (times[-1], pressed_ms)
+        gaps = sum(round(step * 30 / 1000) - 1 for step in steps)
+        assert gaps <= sum(map(int, reported[2:])), (gaps, reported, "nothing is lost where past and present meet")
+
+
+def ctrl_c_while_standing_by_ends_it(build: pathlib.Path, folder: pathlib.Path) -> None:
+    command = [build / "throwcal", "record", "--rig", folder / "rig.toml", "--output", folder / "none", "--before", "2"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as filming:
+        assert "press Enter" in filming.stderr.readline()
+        filming.send_signal(signal.SIGINT)
+        out, err = filming.communicate(timeout=30)
+    assert filming.returncode == 1 and out == err == "", (filming.returncode, out, err)
 
 
 def a_snapshot_is_a_picture(build: pathlib.Path, folder: pathlib.Path) -> None:
@@ -117,6 +130,7 @@ def main() -> None:
         films_have_a_time_for_each_frame(build, folder)
         ctrl_c_saves_what_was_filmed(build, folder)
         enter_after_the_throw_still_has_it(build, folder)
+        ctrl_c_while_standing_by_ends_it(build, folder)
         a_snapshot_is_a_picture(build, folder)
         what_is_wrong_is_said(build, folder)
 

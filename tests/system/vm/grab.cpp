@@ -4,8 +4,8 @@
 // SIGTERM. Prints a line when a camera is lost or back, and one a camera when it ends (JSON: its
 // counters). Keys: fps, format, input, standard, exposure (s), gain, serial (of the cameras after
 // it), missing=1 (wait for one that is not there), colour=1, frames, times=FILE: a line a frame,
-// "CAMERA SEQUENCE MID_EXPOSURE_NS TAKEN_NS" (when a reader had it), and rounds=A,B,...: all of it
-// again and again, until each camera gave A frames, then B ...
+// "CAMERA SEQUENCE MID_EXPOSURE_NS TAKEN_NS EXPOSURE_NS" (taken: by a reader), and rounds=A,B,...:
+// all of it again and again, until each camera gave A frames, then B ...
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -52,7 +52,7 @@ long resident_kb() {
 
 struct Taken {
   std::uint64_t sequence;
-  std::int64_t mid_exposure_ns, taken_ns;
+  std::int64_t mid_exposure_ns, taken_ns, exposure_ns;
 };
 
 /// A grabber and who takes its frames.
@@ -75,7 +75,8 @@ struct Station {
         const std::span plane(image.data, image.stride_bytes * image.height_px);
         darkest = *std::ranges::min_element(plane), brightest = *std::ranges::max_element(plane);
       }
-      taken.push_back({last.sequence, last.row0_mid_exposure.time_since_epoch().count(), now_ns()});
+      taken.push_back({last.sequence, last.row0_mid_exposure.time_since_epoch().count(), now_ns(),
+                       last.exposure.count()});
       ++frames;
     }
   }
@@ -176,7 +177,7 @@ int run(int argc, char** argv, std::uint64_t enough) {
     station->report();
     for (const Taken& frame : station->taken)
       times << station->name() << ' ' << frame.sequence << ' ' << frame.mid_exposure_ns << ' '
-            << frame.taken_ns << '\n';
+            << frame.taken_ns << ' ' << frame.exposure_ns << '\n';
   }
   return 0;
 }

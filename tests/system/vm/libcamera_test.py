@@ -73,7 +73,7 @@ class Run:
         self.said = [line for line in lines if not line.startswith("{")]
         self.frames = collections.defaultdict(list)  # by source: (sequence, middle of exposure ns)
         for line in result.text(f"{name}.frames").splitlines():
-            camera, sequence, stamp, _ = line.split()
+            camera, sequence, stamp, _, _ = line.split()
             self.frames[camera].append((int(sequence), int(stamp)))
         self.driver = collections.defaultdict(list)  # by libcamera's id: (sequence, status, stamp ns)
         for line in result.files.get(f"{name}.driver", b"").decode().splitlines():

@@ -68,7 +68,7 @@ def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: path
         written[device].append(int(stamp))
     read, dequeued, taken = collections.defaultdict(list), {}, {}
     for line in result.text("frames").splitlines():
-        device, _, stamp, at = line.split()
+        device, _, stamp, at, _ = line.split()
         read[device].append(int(stamp))
         taken[int(stamp)] = int(at)
     for line in result.text("driver").splitlines():

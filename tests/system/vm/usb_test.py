@@ -155,14 +155,14 @@ with sqlite3.connect(sys.argv[1]) as database:
 
 def check_listing(result: vm.Result) -> None:
     cameras = json.loads(result.text("cameras"))
-    assert [c["card"] for c in cameras] == [model for _, model, _ in IDENTITIES], cameras
+    assert [c["model"] for c in cameras] == [model for _, model, _ in IDENTITIES], cameras
     for port, camera in enumerate(cameras, 1):
         assert camera["driver"] == "uvcvideo" and camera["by_path"] == LINK.format(port) and camera["problem"] is None, camera
         assert camera["bus"] == f"usb-vhci_hcd.0-{port}", camera
         (yuyv,) = camera["formats"]
         rates = {size["size"]: [round(rate) for rate in size["frames_per_s"]] for size in yuyv["sizes"]}
         assert yuyv["pixel_format"] == "YUYV" and rates == {"320x240": [30, 15], "640x480": [30, 15]}, camera
-    swapped = {c["card"]: c["by_path"] for c in json.loads(result.text("swapped"))}
+    swapped = {c["model"]: c["by_path"] for c in json.loads(result.text("swapped"))}
     assert swapped == {"Eye 300": SECOND, "Cam X": FIRST}, swapped
     said = result.text("sysfs")
     print("  " + said.rstrip().replace("\n", "\n  "), flush=True)

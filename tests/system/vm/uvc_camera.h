@@ -309,7 +309,7 @@ inline Bytes streaming_descriptors() {
 inline Bytes configuration_descriptor() {
   const Bytes interfaces =
       bytes(descriptor(USB_DT_INTERFACE_ASSOCIATION, control_interface, 2, USB_CLASS_VIDEO,
-                       UVC_SC_VIDEO_INTERFACE_COLLECTION, UVC_PC_PROTOCOL_UNDEFINED, 0),
+                       UVC_SC_VIDEO_INTERFACE_COLLECTION, UVC_PC_PROTOCOL_UNDEFINED, 2),
             control_descriptors(), streaming_descriptors());
   const auto total = static_cast<unsigned>(USB_DT_CONFIG_SIZE + interfaces.size());
   return bytes(descriptor(USB_DT_CONFIG, two(total), 2, 1, 0, USB_CONFIG_ATT_ONE, 250), interfaces);

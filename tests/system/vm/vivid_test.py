@@ -116,9 +116,8 @@ class Run:
         self.said = [line for line in lines if not line.startswith("{")]
         self.frames = collections.defaultdict(list)  # by camera: (sequence, middle less half the exposure: the driver's stamp, ns)
         for line in result.text(f"{name}.frames").splitlines():
-            camera, sequence, stamp, _ = line.split()
-            half_exposure_ns = round(0.5e9 * self.counters[camera]["exposure_s"])
-            self.frames[camera].append((int(sequence), int(stamp) - half_exposure_ns))
+            camera, sequence, stamp, _, exposure_ns = line.split()
+            self.frames[camera].append((int(sequence), int(stamp) - int(exposure_ns) // 2))
         self.driver = collections.defaultdict(list)  # by file descriptor: (sequence, flags, stamp ns, field)
         for line in result.text(f"{name}.driver").splitlines():
             fd, sequence, flags, stamp, field, _ = line.split()
