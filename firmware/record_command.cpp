@@ -177,12 +177,12 @@ bool all_ended(const std::vector<std::unique_ptr<Reel>>& reels) {
 /// Until a line or the end of standard input comes; false where a signal does.
 bool wait_for_enter(const StopSignals& signals) {
   for (;;) {
+    if (signals.came_within(50ms)) return false;
     pollfd input{STDIN_FILENO, POLLIN, 0};
     if (poll(&input, 1, 0) > 0) {
       char text[256];
       return read(STDIN_FILENO, text, sizeof text) >= 0;
     }
-    if (signals.came_within(50ms)) return false;
   }
 }
 

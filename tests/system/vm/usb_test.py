@@ -95,7 +95,7 @@ TRUST = f"""
 here
 grab held 320x240 200 fps=30 serial=SN0042 exposure=0.004 gain=64 {FIRST} & # by a wire that comes off, a stranger's hand, and swapped cables
 grab=$!
-await "[ -s out/held.driver ]"
+await "[ \\$(wc -l < out/held.driver) -gt 35 ]" # the automatics may settle first
 control --list-ctrls > out/while_held
 control --set-ctrl=gain=20
 await "control --get-ctrl=gain | grep -q 64"
