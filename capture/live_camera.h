@@ -2,23 +2,21 @@
 #pragma once
 #include <chrono>
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 
 #include "capture/camera.h"
 #include "capture/camera_factory.h"
+#include "capture/event_flag.h"
+#include "capture/frame_clock.h"
+#include "capture/raw_picture.h"
+#include "capture/sequence_counter.h"
 #include "capture/v4l2_device.h"
 #include "capture/v4l2_stream.h"
 
-// What the drivers of cameras that can be lost have in common.
 namespace throwcal {
-
-/// Between two attempts to open a camera that is lost.
-constexpr std::chrono::milliseconds retry_period{250};
-/// Without a frame: then a camera is lost.
-constexpr std::chrono::milliseconds patience{2000};
 
 /// On CLOCK_MONOTONIC.
 inline HostTime now() {
@@ -26,36 +24,72 @@ inline HostTime now() {
       std::chrono::steady_clock::now().time_since_epoch()));
 }
 
-/// A slot with a picture in it, tightly packed.
-inline ImageView view_of(std::span<std::uint8_t> slot, int width_px, int height_px,
-                         PixelFormat format) {
-  const std::size_t bytes_a_pixel = format == PixelFormat::bgr    ? 3
-                                    : format == PixelFormat::yuyv ? 2
-                                                                  : 1;  // of the first plane
-  return {slot.data(), width_px, height_px, static_cast<std::size_t>(width_px) * bytes_a_pixel,
-          format};
-}
+/// A camera that can be lost: what V4L2's and libcamera's have in common. Where it is unplugged, or
+/// does not start, it is tried again four times a second until it is back, and it must be the same
+/// one; `lost` says so meanwhile.
+class LiveCamera : public Camera {
+ public:
+  const std::string& name() const override { return source_.name; }
+  Format format() const override { return format_; }
+  CameraModel model() const override { return source_.model; }
+  void start() override {}  ///< with the first next(): its failure is one of many to survive
+  Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
+  void interrupt() override { interrupted_.set(); }
+  std::string error() const override { return error_; }
+  CameraIdentity identity() const override;
+  PictureSettings settings() const override;
 
-/// What pictures come in: "640x480 YUYV at 30/s".
-std::string mode_text(const V4l2Format& format);
+ protected:
+  /// `place` names it in messages.
+  LiveCamera(const CameraSource& source, std::string place);
+  /// To be called by whoever is made: throws std::runtime_error, of a camera that is not there only
+  /// unless it may be missing.
+  void open_first();
+
+  /// Makes and configures the stream; calls meet() before it changes anything in the camera, and
+  /// accept() when it knows what the pictures are. Throws.
+  virtual void open() = 0;
+  virtual bool is_open() const = 0;
+  virtual void close() = 0;
+  /// Waits for a frame of the open stream. May throw DeviceError: then the camera is lost.
+  virtual Outcome next_of_stream(std::span<std::uint8_t> slot, Frame& frame) = 0;
+  virtual std::string stream_error(const DeviceError& error) const;
+
+  /// Who is there now: told, and checked. Throws WrongCamera.
+  void meet(const CameraIdentity& found);
+  /// What it gives; the same as before, or it throws.
+  void accept(CameraIdentity found, const V4l2Format& given);
+  Outcome lost(std::string why);
+  /// All of a frame but its number and time.
+  void fill(Frame& frame, const FrameClock::Moment& moment, std::span<std::uint8_t> slot,
+            double exposure_s) const;
+
+  /// Without a frame: then a camera is lost.
+  static constexpr std::chrono::milliseconds patience{2000};
+  static constexpr int max_idle_wakes = 10;
+
+  CameraSource source_;
+  std::string place_, error_;
+  EventFlag interrupted_;
+  std::optional<RawPicture> picture_;
+  SequenceCounter sequence_;
+  FrameClock clock_;
+  std::optional<std::string> broken_;  ///< why the frame just given is the stream's last
+  mutable std::mutex mutex_;           ///< guards the next two
+  CameraIdentity identity_;            ///< of what is there now, right or wrong
+  PictureSettings settings_;
+
+ private:
+  bool may_pass(const std::runtime_error& error) const;
+  std::string open_error(const std::runtime_error& error) const;
+
+  Format format_, given_;                   ///< as promised, and of the frames
+  std::optional<CameraIdentity> accepted_;  ///< when it was last opened
+};
 
 /// At the port is another camera than belongs there.
 struct WrongCamera : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-
-/// Whether that is the camera that the rig file wants and that was here before (`accepted`). Throws
-/// WrongCamera: where, who is there and who is expected.
-void check_identity(const std::string& place, const CameraIdentity& found,
-                    const CameraSource& source, const std::optional<CameraIdentity>& accepted);
-
-/// Whether somebody may put it right while the box runs: plug it in, or the right one.
-bool may_pass(const std::runtime_error& error);
-
-/// Why a camera can't be opened now, as a person is told it.
-std::string open_error(const std::string& place, const std::runtime_error& error, bool was_here);
-
-/// Of a camera that is missing: what holds whatever it will give.
-Camera::Format widest_format(const CameraSource& source);
 
 }  // namespace throwcal

@@ -4,16 +4,13 @@
 #include <linux/videodev2.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <utility>
 
-#include "capture/live_camera.h"
 #include "capture/usb_device.h"
 
 namespace throwcal {
 namespace {
 
-constexpr int max_idle_wakes = 10;
 /// In which a camera's automatics find what suits the light.
 constexpr int settling_frames = 30;
 
@@ -29,70 +26,28 @@ TimestampSource source_of(std::uint32_t flags) {
 }  // namespace
 
 V4l2Camera::V4l2Camera(const CameraSource& source, std::string path)
-    : source_(source), path_(std::move(path)), clock_(0, 0, 0) {
-  format_ = widest_format(source_);
-  try {
-    open();
-    format_ = {source_.model.width_px, source_.model.height_px, pixels_,
-               field_interval_s_ > 0 ? 1 / field_interval_s_ : 0.0,
-               stream_->format().fields != Fields::progressive};
-  } catch (const std::runtime_error& error) {
-    if (!source_.may_be_missing || !may_pass(error))
-      throw std::runtime_error("camera " + source_.name + ": " + error.what());
-  }
+    : LiveCamera(source, std::move(path)) {
+  open_first();
 }
 
-CameraIdentity V4l2Camera::identity() const {
-  const std::lock_guard lock(mutex_);
-  return identity_;
-}
-
-PictureSettings V4l2Camera::settings() const {
-  const std::lock_guard lock(mutex_);
-  return settings_;
-}
-
-Camera::Outcome V4l2Camera::lost(std::string why) {
-  stream_.reset();
-  is_streaming_ = false;
-  half_.reset();
-  error_ = std::move(why);
-  return Outcome::lost;
-}
-
-/// Throws where it can't be had, or is another camera than is wanted or was here before: that is
-/// known before anything in it is changed.
 void V4l2Camera::open() {
-  auto stream = std::make_unique<V4l2Stream>(path_);
-  CameraIdentity found = stream->identity();
-  tell(found);
-  check_identity(path_, found, source_, accepted_);
+  auto stream = std::make_unique<V4l2Stream>(place_);
+  meet(stream->identity());
   stream->configure({source_.model.width_px, source_.model.height_px, source_.colour,
                      source_.device, remembered_});
   const V4l2Format& given = stream->format();
-  RawPicture picture(given, source_.colour);
-  if (accepted_ && picture.format() != pixels_)
-    throw WrongCamera(path_ + ": gives other pixels than before");
-  pixels_ = picture.format();
-  // The ring's slots are of this size; a device as it is set may come back with another.
-  source_.model.width_px = given.width_px;
-  source_.model.height_px = picture.height_px();
+  accept(stream->identity(), given);
   const double frame_s = given.frames_per_s > 0 ? 1 / given.frames_per_s : 0.0;
   field_interval_s_ = given.fields == Fields::progressive ? frame_s : frame_s / 2;
-  clock_ = FrameClock(frame_s, 0.0, source_.model.row_time_s * source_.model.height_px);
-  sequence_.restart();
-  stream_ = std::move(stream);
-  picture_ = std::move(picture);
   frames_ = 0;
-  found.mode = mode_text(given);
-  accepted_ = found;
-  tell(found);
+  stream_ = std::move(stream);
   adopt_settings();
 }
 
-void V4l2Camera::tell(const CameraIdentity& found) {
-  const std::lock_guard lock(mutex_);
-  identity_ = found;
+void V4l2Camera::close() {
+  stream_.reset();
+  is_streaming_ = false;
+  half_.reset();
 }
 
 /// What the camera's settings are now: told, believed by the clock, and given it again when it has
@@ -108,7 +63,7 @@ void V4l2Camera::adopt_settings() {
 }
 
 std::optional<UsbStream> V4l2Camera::usb_stream() const {
-  const auto usb = usb_device_of(path_);
+  const auto usb = usb_device_of(place_);
   if (!usb || !stream_) return std::nullopt;
   const V4l2Format& given = stream_->format();
   const double bytes = is_compressed(given.fourcc) ? 0.0 : static_cast<double>(given.least_bytes);
@@ -117,10 +72,9 @@ std::optional<UsbStream> V4l2Camera::usb_stream() const {
 }
 
 std::string V4l2Camera::stream_error(const DeviceError& error) const {
-  if (error.is_gone()) return path_ + ": was unplugged";
-  if (error.code() != ENOSPC) return error.what();
+  if (error.code() != ENOSPC) return LiveCamera::stream_error(error);
   const auto usb = usb_stream();
-  return path_ + ": " + (usb ? usb->segment : "its bus") +
+  return place_ + ": " + (usb ? usb->segment : "its bus") +
          " has no room left for its pictures: " + usb_remedy;
 }
 
@@ -131,42 +85,28 @@ void V4l2Camera::heed_event() {
   settings_.set_back += was_changed;
 }
 
-Camera::Outcome V4l2Camera::next(std::span<std::uint8_t> slot, Frame& frame) {
-  if (!stream_) {
-    if (interrupted_.wait(-1, retry_period) == EventFlag::Woken::by_flag)
-      return Outcome::interrupted;
-    try {
-      open();
-    } catch (const std::runtime_error& error) {
-      return lost(open_error(path_, error, accepted_.has_value()));
+Camera::Outcome V4l2Camera::next_of_stream(std::span<std::uint8_t> slot, Frame& frame) {
+  if (const auto second = std::exchange(half_, std::nullopt))
+    return give(*second, true, slot, frame);
+  if (!std::exchange(is_streaming_, true)) stream_->start();
+  const HostTime last_moment = now() + patience;
+  for (int idle = 0; idle < max_idle_wakes;) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(last_moment - now());
+    switch (interrupted_.wait(stream_->fd(), std::max(left, std::chrono::milliseconds(0)))) {
+      case EventFlag::Woken::by_flag:
+        return Outcome::interrupted;
+      case EventFlag::Woken::by_time:
+        return lost(place_ + ": no frame for 2 s; is its signal there?");
+      case EventFlag::Woken::by_event:
+        heed_event();
+        if (now() > last_moment) ++idle;
+        break;
+      case EventFlag::Woken::by_device:
+        ++idle;
     }
+    if (const auto buffer = stream_->dequeue()) return take(*buffer, slot, frame);
   }
-  if (const auto why = std::exchange(broken_, std::nullopt)) return lost(*why);
-  try {
-    if (const auto second = std::exchange(half_, std::nullopt))
-      return give(*second, true, slot, frame);
-    if (!std::exchange(is_streaming_, true)) stream_->start();
-    const HostTime last_moment = now() + patience;
-    for (int idle = 0; idle < max_idle_wakes;) {
-      const auto left = std::chrono::ceil<std::chrono::milliseconds>(last_moment - now());
-      switch (interrupted_.wait(stream_->fd(), std::max(left, std::chrono::milliseconds(0)))) {
-        case EventFlag::Woken::by_flag:
-          return Outcome::interrupted;
-        case EventFlag::Woken::by_time:
-          return lost(path_ + ": no frame for 2 s; is its signal there?");
-        case EventFlag::Woken::by_event:
-          heed_event();
-          if (now() > last_moment) ++idle;
-          break;
-        case EventFlag::Woken::by_device:
-          ++idle;
-      }
-      if (const auto buffer = stream_->dequeue()) return take(*buffer, slot, frame);
-    }
-    return lost(path_ + ": reports an error without a name");
-  } catch (const DeviceError& error) {
-    return lost(stream_error(error));
-  }
+  return lost(place_ + ": reports an error without a name");
 }
 
 /// The picture is out of it and counts: that the driver can't take it back is told after it.
@@ -204,7 +144,6 @@ Camera::Outcome V4l2Camera::take(const V4l2Stream::Buffer& buffer, std::span<std
 Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_second,
                                  std::span<std::uint8_t> slot, Frame& frame) {
   const V4l2Format& given = stream_->format();
-  frame.camera = source_.id;
   frame.sequence = number_;
   frame.row0_mid_exposure = moment_.row0_mid_exposure;
   bool is_whole = true;
@@ -223,11 +162,7 @@ Camera::Outcome V4l2Camera::give(const V4l2Stream::Buffer& buffer, bool is_secon
       frame.row0_mid_exposure += (is_second ? 1 : -1) * from_seconds(field_interval_s_);
   }
   if (!half_) give_back(buffer);
-  frame.timestamp_source = moment_.source;
-  frame.time_sigma = moment_.sigma;
-  frame.row_time = from_seconds(source_.model.row_time_s);
-  frame.exposure = from_seconds(settings_.exposure_s.value_or(0.0));
-  frame.image = view_of(slot, format_.width_px, format_.height_px, pixels_);
+  fill(frame, moment_, slot, settings_.exposure_s.value_or(0.0));
   return is_whole ? Outcome::frame : Outcome::damaged;
 }
 

@@ -17,7 +17,7 @@ nlohmann::ordered_json devices_of(const std::vector<CameraStats>& cameras, bool 
 void add_devices(nlohmann::ordered_json& document, const nlohmann::ordered_json& devices);
 
 /// Why a calibration document is not that of these devices, a sentence each: cables swapped,
-/// another camera, another mode. Empty: nothing is known against it.
+/// another camera, another size. Empty: nothing is known against it.
 std::vector<std::string> camera_changes(const nlohmann::ordered_json& document,
                                         const nlohmann::ordered_json& devices_now);
 

@@ -38,7 +38,7 @@ class Daemon {
   JsonRpc::Json status() const;
   JsonRpc::Json start_capture();
   JsonRpc::Json stop_capture();
-  /// Refused where cables were swapped, or another camera or mode is there, since it was made.
+  /// Refused where cables were swapped, or another camera or size is there, since it was made.
   JsonRpc::Json latest_calibration();
   JsonRpc::Json camera_list() const;
   JsonRpc::Json system_info() const;

@@ -122,6 +122,8 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
     error_m = math.dist(true, found)
     print(f"kernel {kernel}: {len(document['throws'])} throws, {document['verdict']}; the second camera is {1e3 * error_m:.1f} mm off "
           f"(of {math.dist(true, [0, 0, 0]):.2f} m)", flush=True)
+    devices = [camera["device"] for camera in document["cameras"]]
+    assert [d["mode"].split()[0] for d in devices] == ["320x240", "320x240"] and len({d["port"] for d in devices}) == 2, devices
     assert covariance and len(document["throws"]) >= 2 and error_m < 0.1, (document, status)
 
 
