@@ -120,11 +120,11 @@ void set_wish(const V4l2Device& device, const Number& number, double wish) {
                              (back ? number_text(number.unit * *back) : "nothing"));
 }
 
-/// False where the camera does not go along.
-bool try_number(const V4l2Device& device, const Number& number, double value) {
+/// As far as the camera goes along.
+void try_number(const V4l2Device& device, const Number& number, double value) {
   const auto query = found(device, number);
   if (is_automatic(device, number)) set(device, number.automatic, number.off);
-  return query && set(device, query->id, nearest(*query, value / number.unit));
+  if (query) set(device, query->id, nearest(*query, value / number.unit));
 }
 
 }  // namespace
@@ -177,6 +177,7 @@ void V4l2Controls::hold_the_rest() {
     set(device_, query->id, *values[i]);
     hold(query->id, value_of(device_, query->id).value_or(*values[i]));
   }
+  set_again();  // a gain that was wished for, and that the exposure's automatic had changed
   read_settings();
   for (const Number& number : numbers)
     if (is_automatic(device_, number)) settings_.automatic.push_back(number.word);

@@ -104,6 +104,20 @@ v4l2-ctl --device /dev/video0 --set-input 1 --set-standard pal
 v4l2-ctl --device /dev/video0 --list-inputs > out/inputs
 grab pal 720x576 30 input=1 standard=PAL frames=60 /dev/video0
 grab ntsc 720x480 30 input=1 standard=NTSC frames=60 /dev/video0
+v4l2-ctl --device /dev/video0 --set-input 0
+formats() { # PLANES
+  for format in GREY NV12 YUYV UYVY BA81 GRBG; do
+    for colour in no yes; do
+      ./grab 320x180 30 $([ $colour = no ] || echo colour=1) format=$format frames=5 /dev/video0 > out/$1.$format.$colour 2>&1
+    done
+  done
+}
+formats single
+modprobe -r vivid
+modprobe vivid n_devs=1 node_types=0x1 multiplanar=2
+udevadm settle
+v4l2-ctl --device /dev/video0 --info > out/planes
+formats multi
 """
 
 
@@ -259,6 +273,16 @@ def check_fields(result: vm.Result) -> None:
         assert counted["time_sigma_s"] < 0.005, counted
         assert len(frames) >= 60 and all(abs(step - interval_ms) < 0.01 for step in within), (name, steps)
         assert min(steps) > 0 and abs(sum(steps) / len(steps) - interval_ms) < 0.1 * interval_ms, (name, steps)
+    assert "Video Capture Multiplanar" in result.text("planes"), result.text("planes")
+    levels = {}
+    for kind in ("single", "multi"):
+        for form in ("GREY", "NV12", "YUYV", "UYVY", "BA81", "GRBG"):
+            for colour in ("no", "yes"):
+                (counted,) = map(json.loads, result.text(f"{kind}.{form}.{colour}").splitlines())
+                assert counted["frames"] >= 5 and counted["error"] == "" and counted["mode"].startswith(f"320x180 {form}"), (kind, counted)
+                levels[kind, form, colour] = counted["levels"]
+    print(f"  pixel formats, darkest and brightest: {levels}", flush=True)
+    assert all(brightest - darkest > 100 for darkest, brightest in levels.values()), levels
 
 
 def main() -> None:
