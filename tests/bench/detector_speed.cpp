@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What a frame costs, one core: our detector beside what it must at least do (read the picture and
-// the background once: memcpy of both), beside OpenCV's usual chain, and beside MOG2. Prints a
-// table.
+// the background once: memcpy of both), beside OpenCV's usual chain, and beside MOG2; and what
+// comes before it, the luma taken out of YUYV, beside cv::extractChannel. Prints a table.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -15,6 +15,7 @@
 
 #include "capture/ball_detector.h"
 #include "capture/camera_factory.h"
+#include "capture/pixel_rows.h"
 
 namespace throwcal {
 namespace {
@@ -112,6 +113,8 @@ void measure(const Clip& clip, std::size_t from, std::size_t to, const char* wha
     mog2->apply(clip.grey(static_cast<std::size_t>(i) % clip.ball_from), mask);
   const std::size_t bytes = clip.pictures[0].size();
   std::vector<std::uint8_t> copy(2 * bytes), background(clip.pictures[0]);
+  const cv::Mat packed(clip.model.height_px, clip.model.width_px, CV_8UC2, cv::Scalar(90, 128));
+  cv::Mat luma(packed.size(), CV_8UC1);
   const double pixels = static_cast<double>(bytes) * static_cast<double>(to - from);
   std::size_t sink = 0;
   for (int round = 0; round < rounds; ++round) {
@@ -134,6 +137,14 @@ void measure(const Clip& clip, std::size_t from, std::size_t to, const char* wha
       mog2->apply(clip.grey(i), mask);
       sink += mask.data[0];
     });
+    time("luma out of YUYV", [&](std::size_t i) {
+      take_luma(packed, 0, luma);
+      sink += luma.data[i];
+    });
+    time("OpenCV: extractChannel of YUYV", [&](std::size_t i) {
+      cv::extractChannel(packed, luma, 0);
+      sink += luma.data[i];
+    });
     if (from > 0)  // the scene is at rest again before the next round
       for (int i = 0; i < warm_frames; ++i) detect(static_cast<std::size_t>(i) % clip.ball_from);
   }
@@ -153,7 +164,8 @@ void print(int width_px, int height_px, double focal_px) {
     std::printf("| %s | %.3f | %.2f |\n", name.c_str(), ns, ns / ours);
   };
   for (const char* name : {"memcpy of picture and background", "detector, nothing moves",
-                           "OpenCV: absdiff, threshold, open, components", "OpenCV: MOG2"})
+                           "OpenCV: absdiff, threshold, open, components", "OpenCV: MOG2",
+                           "luma out of YUYV", "OpenCV: extractChannel of YUYV"})
     row(name, rest.median(name));
   row("detector, a throw", thrown.median("detector, a throw"));
   for (auto* all : {&rest_us, &thrown_us}) {
