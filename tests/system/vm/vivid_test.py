@@ -72,8 +72,8 @@ for size in 322x180 5000x180; do ./grab $size 1 /dev/video0 > out/size.$size 2>&
 grab stepped 320x180 6 fps=30 /dev/video1
 wait
 mkdir /run/small
-mount -t tmpfs -o size=12m none /run/small
-v4l2-ctl --device /dev/video0 --set-fmt-video=width=320,height=180
+mount -t tmpfs -o size=10m none /run/small
+v4l2-ctl --device /dev/video0 --set-fmt-video=width=320,height=180 --set-parm=25
 ./throwcal record --source v4l2:/dev/video0 --output /run/small --seconds 200 > out/full 2>&1 || echo $? > out/full.status
 cp /run/small/cam1.* out/
 v4l2-ctl --device /dev/video1 --set-fmt-video=width=640,height=360
