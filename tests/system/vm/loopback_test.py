@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Footage through real V4L2 devices (v4l2loopback): the ring's stamps are the writer's, no frame is lost, and throwcald makes of a
 rendered scene's films a calibration, which is compared with the truth."""
+
 import collections
 import json
 import math
@@ -57,9 +58,16 @@ def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: path
     size = STAMPS["width"] * STAMPS["height"]
     footage = folder / "footage"
     footage.write_bytes(b"".join(bytes([n]) * size for n in range(64)))
-    files = {"loopback_player": build / "loopback_player", "grab": build / "grab", "liblog_buffers.so": build / "liblog_buffers.so", "footage": footage}
+    files = {
+        "loopback_player": build / "loopback_player",
+        "grab": build / "grab",
+        "liblog_buffers.so": build / "liblog_buffers.so",
+        "footage": footage,
+    }
     players = " ".join(f"/dev/video{n}=/dev/shm/footage+{7000 * n}" for n in nodes)
-    script = STAMPS_SCRIPT.format(module=module(nodes), players=players, devices=" ".join(f"/dev/video{n}" for n in nodes), enough=FRAMES, rounds=ROUNDS, **STAMPS)
+    script = STAMPS_SCRIPT.format(
+        module=module(nodes), players=players, devices=" ".join(f"/dev/video{n}" for n in nodes), enough=FRAMES, rounds=ROUNDS, **STAMPS
+    )
     result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0, result.output
     written = collections.defaultdict(list)
@@ -83,9 +91,12 @@ def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: path
     counters = [json.loads(line) for line in result.text("log").splitlines()]
     assert all(c["dropped"] == 0 and c["error"] == "" for c in counters), counters
     waits = sorted((taken[s] - dequeued[s]) / 1e3 for s in taken if s in dequeued)
-    print(f"kernel {kernel}: {sum(map(len, read.values()))} frames of 4 x {STAMPS['width']}x{STAMPS['height']} at {STAMPS['fps']}/s, stamps equal to the "
-          f"nanosecond, none lost; dequeued to taken from the ring p50 {waits[len(waits) // 2]:.0f} us, p99 {waits[len(waits) * 99 // 100]:.0f} us "
-          f"(the guest's time)", flush=True)
+    print(
+        f"kernel {kernel}: {sum(map(len, read.values()))} frames of 4 x {STAMPS['width']}x{STAMPS['height']} at {STAMPS['fps']}/s, stamps equal to the "
+        f"nanosecond, none lost; dequeued to taken from the ring p50 {waits[len(waits) // 2]:.0f} us, p99 {waits[len(waits) * 99 // 100]:.0f} us "
+        f"(the guest's time)",
+        flush=True,
+    )
 
 
 def with_calm_around(film: bytes, length: int) -> bytes:
@@ -97,7 +108,9 @@ def with_calm_around(film: bytes, length: int) -> bytes:
 def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathlib.Path) -> None:
     site = folder / "site"
     options = [str(word) for key, value in FILM.items() for word in (f"--{key}", value)]
-    subprocess.run([build.parent / "throwcal", "simulate", "--output", site, "--video", "--focal", "240", *options], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [build.parent / "throwcal", "simulate", "--output", site, "--video", "--focal", "240", *options], check=True, stdout=subprocess.DEVNULL
+    )
     truth = json.loads((site / "truth.json").read_text())
     names = [camera["name"] for camera in truth["cameras"]]
     nodes = [30 + i for i in range(len(names))]
@@ -109,22 +122,33 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
     shortest = min(path.stat().st_size for path in files.values())
     for path in files.values():
         path.write_bytes(with_calm_around(path.read_bytes(), shortest))
-    files |= {"loopback_player": build / "loopback_player", "throwcald": build.parent / "throwcald", "throwcal": build.parent / "throwcal", "rig.toml": rig}
+    files |= {
+        "loopback_player": build / "loopback_player",
+        "throwcald": build.parent / "throwcald",
+        "throwcal": build.parent / "throwcal",
+        "rig.toml": rig,
+    }
     players = " ".join(f"/dev/video{node}={name}.raw" for name, node in zip(names, nodes))
     script = FILM_SCRIPT.format(module=module(nodes), players=players, **FILM)
     result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
-    assert result.rc == 0 and "calibration.json" in result.files, result.output + str({k: v[-2000:] for k, v in result.files.items() if k != "written"})
+    assert result.rc == 0 and "calibration.json" in result.files, result.output + str(
+        {k: v[-2000:] for k, v in result.files.items() if k != "written"}
+    )
     status, document = json.loads(result.text("status")), json.loads(result.text("calibration.json"))
     assert all(c["error"] is None and c["frames_dropped"] == 0 for c in status["cameras"]), status
     true = truth["cameras"][1]["T_world_cam"]["translation_m"]
     found = document["cameras"][1]["T_world_cam"]["translation_m"]
     covariance = document["cameras"][1]["covariance"]
     error_m = math.dist(true, found)
-    print(f"kernel {kernel}: {len(document['throws'])} throws, {document['verdict']}; the second camera is {1e3 * error_m:.1f} mm off "
-          f"(of {math.dist(true, [0, 0, 0]):.2f} m)", flush=True)
+    sigma_m = math.sqrt(covariance[0] + covariance[6] + covariance[11])  # of the upper triangle's diagonal
+    print(
+        f"kernel {kernel}: {len(document['throws'])} throws, {document['verdict']}; the second camera is {1e3 * error_m:.1f} mm off, its own sigma {1e3 * sigma_m:.1f} mm "
+        f"(of {math.dist(true, [0, 0, 0]):.2f} m)",
+        flush=True,
+    )
     devices = [camera["device"] for camera in document["cameras"]]
     assert [d["mode"].split()[0] for d in devices] == ["320x240", "320x240"] and len({d["port"] for d in devices}) == 2, devices
-    assert covariance and len(document["throws"]) >= 2 and error_m < 0.1, (document, status)
+    assert covariance and len(document["throws"]) >= 2 and error_m < min(0.1, 4 * sigma_m), (error_m, sigma_m, document, status)
 
 
 def main() -> None:
