@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "firmware/access.h"
 #include "firmware/box_client.h"
 #include "firmware/calibration_table.h"
 #include "firmware/commands.h"
@@ -16,14 +17,25 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
+/// Where the token of a box on this machine is.
+constexpr const char* own_token_file = "/var/lib/throwcal/token";
+
 struct BoxOptions {
-  std::string host = "127.0.0.1:7710";
+  std::string host = "127.0.0.1:7710", token;
   bool json = false;
 
   BoxClient connect() const {
     const auto address = parse_address(host, 7710);
     if (!address) throw InputError("--host " + host + ": expected HOST or HOST:PORT");
     return BoxClient(*address);
+  }
+
+  /// For what changes something. Without a token the box may still let us: somebody has pressed its
+  /// button.
+  void authenticate(BoxClient& box) const {
+    std::string shown = token;
+    if (shown.empty() && access(own_token_file, R_OK) == 0) shown = token_in(own_token_file);
+    if (!shown.empty()) box.call("auth", {{"token", shown}});
   }
 };
 
@@ -125,12 +137,14 @@ CLI::App* add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOption
 
 void start_capture(const BoxOptions& options) {
   BoxClient box = options.connect();
+  options.authenticate(box);
   const Json now = box.call("capture.start");
   print(now, "capturing, session " + now.at("session").dump() + ": throw the ball\n", options.json);
 }
 
 void stop_capture(const BoxOptions& options, double timeout_s, bool wait) {
   BoxClient box = options.connect();
+  options.authenticate(box);
   Json now = box.call("capture.stop");
   const Json session = now.at("session");
   if (wait) {
@@ -222,7 +236,14 @@ void add_box_commands(CLI::App& app, int& status) {
   };
   with_box(add_status(app, status, box));
   CLI::App* capture = add_capture(app, status, box);
-  for (CLI::App* command : capture->get_subcommands({})) with_box(command);
+  for (CLI::App* command : capture->get_subcommands({})) {
+    with_box(command);
+    command
+        ->add_option("--token", box->token,
+                     std::string("What the box's file `token` holds; default: ") + own_token_file +
+                         ", where it is readable")
+        ->envname("THROWCAL_TOKEN");
+  }
   with_box(add_fetch(app, status, box));
   with_box(add_watch(app, status, box));
 }

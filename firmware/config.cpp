@@ -269,6 +269,7 @@ void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& c
     config.listen = *address;
   }
   if (const auto state_dir = table.text("state_dir")) config.state_dir = folder / *state_dir;
+  if (const auto token = table.text("token_file")) config.token_file = folder / *token;
   config.unit = table.text("unit").value_or("");
   if (const auto s = table.number("pre_trigger_s", between(0, 60, "a number of seconds")))
     config.pre_trigger = from_seconds(*s);

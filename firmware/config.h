@@ -35,7 +35,8 @@ struct Config {
   SimulatedSceneSettings simulation;
   ListenAddress listen;
   std::optional<std::filesystem::path> state_dir;
-  std::string unit;  ///< this box's name; empty: the host's
+  std::optional<std::filesystem::path> token_file;  ///< default: `token` in the state folder
+  std::string unit;                                 ///< this box's name; empty: the host's
   /// What was seen so long before the capture began belongs to it.
   std::chrono::nanoseconds pre_trigger = std::chrono::seconds(5);
   std::optional<std::size_t> frame_memory_bytes;  ///< that frames may take; default: see cameras.h

@@ -98,6 +98,7 @@ std::string to_toml(const Config& config) {
                 ":" + std::to_string(config.listen.port))
       << "\n";
   if (!config.unit.empty()) out << "unit = " << quoted(config.unit) << "\n";
+  if (config.token_file) out << "token_file = " << quoted(config.token_file->string()) << "\n";
   if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
   write_simulation(out, config.simulation);
   for (std::size_t i = 0; i < rig.cameras.size(); ++i)

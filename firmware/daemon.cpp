@@ -53,8 +53,10 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
     : config_(config),
       settings_(std::move(settings)),
       store_(settings_.state_dir, config_.rig),
+      access_(token_in(config_.token_file.value_or(settings_.state_dir / "token"))),
       rig_(open_rig(config_, log_warning)),
       session_(config_.rig.cameras.size()),
+      rpc_([this] { return access_.is_open(Access::Clock::now()); }),
       link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
   add_methods(rpc_, *this);
   term_ = loop_.on_signal(SIGTERM, [this] { loop_.quit(); });
@@ -273,6 +275,13 @@ Json Daemon::stop_capture() {
   estimator_->finish_session();
   log_info("session " + std::to_string(id) + " ended; solving");
   return status();
+}
+
+void Daemon::authenticate(const std::string& token, JsonRpc::Caller& caller) {
+  caller.knows_token = access_.knows(token);
+  if (caller.knows_token) return;
+  once_.warning("token", "a client showed a token that is not this box's");
+  throw RpcError(rpc_forbidden, "this is not the box's token");
 }
 
 Json Daemon::hello() const {

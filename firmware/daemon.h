@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "firmware/access.h"
 #include "firmware/config.h"
 #include "firmware/estimator_thread.h"
 #include "firmware/event_loop.h"
@@ -35,6 +36,8 @@ class Daemon {
 
   // What the links offer. They throw RpcError where it is not possible now.
   JsonRpc::Json hello() const;
+  /// From now on the caller may change something; refused where it is not the box's token.
+  void authenticate(const std::string& token, JsonRpc::Caller& caller);
   JsonRpc::Json status() const;
   JsonRpc::Json start_capture();
   JsonRpc::Json stop_capture();
@@ -64,6 +67,7 @@ class Daemon {
   EventLoop loop_;
   LogOnce once_;
   Store store_;
+  Access access_;
   Rig rig_;
   Session session_;
   NewsBox news_;

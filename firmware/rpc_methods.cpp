@@ -18,18 +18,28 @@ std::int64_t required_id(const Json& params) {
   return params.at("id").get<std::int64_t>();
 }
 
+std::string required_text(const Json& params, const char* name) {
+  if (!params.contains(name) || !params.at(name).is_string())
+    throw RpcError(rpc_invalid_params, std::string(name) + " must be a string");
+  return params.at(name).get<std::string>();
+}
+
 }  // namespace
 
 void add_methods(JsonRpc& rpc, Daemon& daemon) {
   using Caller = JsonRpc::Caller;
   rpc.add("hello", [&](const Json&, Caller&) { return daemon.hello(); });
+  rpc.add("auth", [&](const Json& params, Caller& caller) {
+    daemon.authenticate(required_text(params, "token"), caller);
+    return Json{{"ok", true}};
+  });
   rpc.add("status.get", [&](const Json&, Caller&) { return daemon.status(); });
   rpc.add("status.subscribe", [&](const Json&, Caller& caller) {
     caller.subscribed_to_status = true;
     return daemon.status();
   });
-  rpc.add("capture.start", [&](const Json&, Caller&) { return daemon.start_capture(); });
-  rpc.add("capture.stop", [&](const Json&, Caller&) { return daemon.stop_capture(); });
+  rpc.add_change("capture.start", [&](const Json&, Caller&) { return daemon.start_capture(); });
+  rpc.add_change("capture.stop", [&](const Json&, Caller&) { return daemon.stop_capture(); });
   rpc.add("calibration.latest", [&](const Json&, Caller&) { return daemon.latest_calibration(); });
   rpc.add("calibration.list",
           [&](const Json&, Caller&) { return daemon.store().calibration_list(); });

@@ -87,7 +87,7 @@ struct TcpLink::Client {
   }
 };
 
-TcpLink::TcpLink(EventLoop& loop, const ListenAddress& address, const JsonRpc& rpc,
+TcpLink::TcpLink(EventLoop& loop, const ListenAddress& address, JsonRpc& rpc,
                  std::function<JsonRpc::Json()> hello, TcpLinkSettings settings)
     : loop_(loop),
       rpc_(rpc),

@@ -23,7 +23,7 @@ struct TcpLinkSettings {
 class TcpLink {
  public:
   /// Listens. Throws InputError naming address and cause where it can't.
-  TcpLink(EventLoop& loop, const ListenAddress& address, const JsonRpc& rpc,
+  TcpLink(EventLoop& loop, const ListenAddress& address, JsonRpc& rpc,
           std::function<JsonRpc::Json()> hello, TcpLinkSettings settings = {});
   ~TcpLink();
 
@@ -49,7 +49,7 @@ class TcpLink {
   void sweep();
 
   EventLoop& loop_;
-  const JsonRpc& rpc_;
+  JsonRpc& rpc_;
   std::function<JsonRpc::Json()> hello_;
   TcpLinkSettings settings_;
   int listener_ = -1, port_ = 0;

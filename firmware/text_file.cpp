@@ -53,7 +53,7 @@ std::string read_text_file(const std::filesystem::path& file) {
   }
 }
 
-void write_text_file(const std::filesystem::path& file, std::string_view text) {
+void write_text_file(const std::filesystem::path& file, std::string_view text, unsigned mode) {
   std::error_code ignored;
   if (std::filesystem::exists(file, ignored) && !std::filesystem::is_regular_file(file, ignored)) {
     const Descriptor out(open(file.c_str(), O_WRONLY | O_CLOEXEC));  // a pipe or a terminal
@@ -61,7 +61,7 @@ void write_text_file(const std::filesystem::path& file, std::string_view text) {
     return write_all(out.fd, text, file);
   }
   const std::filesystem::path draft = file.string() + ".part" + std::to_string(getpid());
-  const Descriptor out(open(draft.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  const Descriptor out(open(draft.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
   if (out.fd < 0) fail(file, "can't be written", errno);
   try {
     write_all(out.fd, text, file);

@@ -11,7 +11,9 @@ std::string read_text_file(const std::filesystem::path& file);
 
 /// All or nothing, also through a power cut: a file beside it is written and synced, then takes the
 /// name. Throws InputError (path and cause).
-void write_text_file(const std::filesystem::path& file, std::string_view text);
+/// A new file gets `mode` (less the process' umask).
+void write_text_file(const std::filesystem::path& file, std::string_view text,
+                     unsigned mode = 0644);
 
 /// The shortest decimal that reads back as the same double; never in a locale.
 std::string shortest(double value);

@@ -88,5 +88,61 @@ TEST(JsonRpc, DeepNestingAndBrokenTextDoNoHarm) {
   EXPECT_NO_THROW(JsonRpc::to_line(Json{{"text", "\xc3\x28"}}));
 }
 
+JsonRpc counter(int& count, bool& anybody_may) {
+  JsonRpc rpc([&] { return anybody_may; });
+  rpc.add("read", [&](const Json&, JsonRpc::Caller&) { return Json(count); });
+  rpc.add_change("count", [&](const Json&, JsonRpc::Caller&) {
+    if (count < 0) throw RpcError(rpc_refused, "full");
+    return Json(++count);
+  });
+  return rpc;
+}
+
+TEST(JsonRpc, ChangesNothingForWhoKnowsNoToken) {
+  int count = 0;
+  bool anybody_may = false;
+  JsonRpc rpc = counter(count, anybody_may);
+  JsonRpc::Caller stranger, friendly{.knows_token = true};
+  EXPECT_EQ(rpc.call("read", {}, stranger), 0);
+  for (const Json& params : {Json::object(), Json{{"key", "a"}}}) try {
+      rpc.call("count", params, stranger);
+      ADD_FAILURE() << "it counted for a stranger";
+    } catch (const RpcError& error) {
+      EXPECT_EQ(error.code, rpc_forbidden);
+      EXPECT_NE(std::string(error.what()).find("token"), std::string::npos) << error.what();
+    }
+  EXPECT_EQ(count, 0);
+  EXPECT_EQ(rpc.call("count", {}, friendly), 1);
+  anybody_may = true;  // somebody has pressed the button
+  EXPECT_EQ(rpc.call("count", {}, stranger), 2);
+  anybody_may = false;
+  EXPECT_THROW(rpc.call("count", {}, stranger), RpcError);
+}
+
+TEST(JsonRpc, DoesOnceWhatIsAskedForTwiceWithOneKey) {
+  int count = 0;
+  bool anybody_may = false;
+  JsonRpc rpc = counter(count, anybody_may);
+  JsonRpc::Caller caller{.knows_token = true}, other{.knows_token = true}, stranger;
+  const Json key{{"key", "abc"}};
+  EXPECT_EQ(rpc.call("count", key, caller), 1);
+  EXPECT_EQ(rpc.call("count", key, caller), 1);
+  EXPECT_EQ(rpc.call("count", key, other), 1) << "a client that lost its connection asks again";
+  EXPECT_THROW(rpc.call("count", key, stranger), RpcError);
+  EXPECT_EQ(rpc.call("count", {{"key", "abd"}}, caller), 2);
+  EXPECT_THROW(rpc.call("count", {{"key", "abc"}, {"more", 1}}, caller), RpcError)
+      << "another request under the same key";
+  for (const Json& bad : {Json(""), Json(7), Json(std::string(65, 'x'))})
+    EXPECT_THROW(rpc.call("count", {{"key", bad}}, caller), RpcError) << bad;
+  count = -1;
+  EXPECT_THROW(rpc.call("count", {{"key", "later"}}, caller), RpcError);
+  count = 2;
+  EXPECT_EQ(rpc.call("count", {{"key", "later"}}, caller), 3) << "what failed may be tried again";
+  for (int i = 0; i < 300; ++i) rpc.call("count", {{"key", std::to_string(i)}}, caller);
+  const int before = count;
+  EXPECT_EQ(rpc.call("count", {{"key", "299"}}, caller), before);
+  EXPECT_EQ(rpc.call("count", {{"key", "0"}}, caller), before + 1) << "forgotten: 256 are kept";
+}
+
 }  // namespace
 }  // namespace throwcal

@@ -54,6 +54,11 @@ class Client:
         assert "result" in answer, f"{method}: {answer}"
         return answer["result"]
 
+    def may_change(self, token: str) -> "Client":
+        """Shows the box's token."""
+        self.call("auth", {"token": token})
+        return self
+
 
 class Box:
     """A running throwcald. Stops with its context."""
@@ -76,6 +81,7 @@ class Box:
         assert self.ready.wait(PATIENCE_S), "throwcald never said READY=1"
         self.start_s = time.monotonic() - began
         self.port = int(port_file.read_text())
+        self.token = (folder / "state" / "token").read_text().strip()
 
     def read_notices(self) -> None:
         with contextlib.suppress(OSError):

@@ -15,6 +15,10 @@ def throws_are_captured_and_the_calibration_is_kept(the_box) -> dict:
         assert hello["params"]["cameras"] == ["cam1", "cam2", "cam3", "cam4"], hello
         assert client.call("hello") == hello["params"]
         assert client.answer("calibration.latest")["error"] == {"code": -32000, "message": "there is no calibration yet"}
+        assert client.answer("capture.start")["error"]["code"] == -32001
+        assert client.answer("auth", {"token": the_box.token + "0"})["error"]["code"] == -32001
+        assert client.answer("capture.start")["error"]["code"] == -32001
+        client.may_change(the_box.token)
         assert client.answer("capture.stop")["error"]["code"] == -32000
         started = client.call("capture.start")
         assert started["state"] in ("warming-up", "capturing"), started
@@ -64,7 +68,8 @@ def story(build, folder) -> None:
         the_commands_work(the_box, folder)
         with box.Client(the_box.port) as client:
             client.line()
-            second = client.call("capture.start")["session"]
+            assert client.answer("capture.start")["error"]["code"] == -32001, "each connection shows the token anew"
+            second = client.may_change(the_box.token).call("capture.start")["session"]
             box.until(lambda: client.call("status.get")["throws"] >= 2, "two throws found")
             client.call("capture.stop")
         the_box.stop()  # at once: the result is still being made, or just so

@@ -40,6 +40,7 @@ while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
 ./throwcald --config rig.toml --listen 127.0.0.1:0 --port-file port --state-dir state 2> out/throwcald.log &
 while [ ! -s port ]; do kill -0 $!; sleep 0.05; done
 host=127.0.0.1:$(cat port)
+export THROWCAL_TOKEN=$(cat state/token)
 until ./throwcal capture start --host $host > out/start 2>&1; do sleep 0.2; done
 ./throwcal watch --until-throws {throws} --timeout 120 --host $host > out/watch 2>&1 || true
 ./throwcal status --json --host $host > out/status
