@@ -46,6 +46,7 @@ class Station {
   }
 
   void request_stop() { grabber_.request_stop(); }
+  std::vector<FrameLease> freeze(HostTime since) { return grabber_.freeze(since); }
   void join() {
     if (detecting_.joinable()) detecting_.join();
     grabber_.join();
@@ -129,6 +130,10 @@ void Rig::stop() {
   impl_->queue.close();
   for (auto& station : impl_->stations) station->request_stop();
   for (auto& station : impl_->stations) station->join();
+}
+
+std::vector<FrameLease> Rig::freeze(CameraId camera, HostTime since) {
+  return impl_->stations.at(camera)->freeze(since);
 }
 
 std::vector<CameraStats> Rig::stats() const {

@@ -48,6 +48,9 @@ class Rig {
   /// Nothing when `stop` is requested, or when every camera has ended and all has been handed out.
   std::optional<FrameSightings> next(std::stop_token stop);
   void stop();
+  /// The frames of a camera since then that its ring still has, oldest first, by reference: holding
+  /// them takes their slots from the ring. Thread-safe.
+  std::vector<FrameLease> freeze(CameraId camera, HostTime since);
   std::vector<CameraStats> stats() const;  ///< thread-safe
   std::uint64_t sightings_dropped()
       const;  ///< frames' worth of sightings lost because the queue was full

@@ -128,5 +128,27 @@ TEST(Rig, NextGivesUpWhenStopIsRequested) {
   reader.request_stop();
 }
 
+TEST(Rig, FreezesACamerasLastFramesByReference) {
+  const auto scene = std::make_shared<const SimulatedScene>(small_scene());
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (CameraId id = 0; id < 2; ++id) {
+    CameraSource source = simulated(id, scene);
+    source.scene_end_s = 0.2;
+    cameras.push_back(make_camera(source));
+  }
+  Rig rig(std::move(cameras), {});
+  rig.start();
+  std::vector<HostTime> seen;
+  while (const auto frame = rig.next({}))
+    if (frame->camera == 1) seen.push_back(frame->time);
+  ASSERT_GE(seen.size(), 4u);
+  const std::vector<FrameLease> last = rig.freeze(1, seen[seen.size() - 3]);
+  ASSERT_EQ(last.size(), 3u);
+  for (std::size_t i = 0; i < last.size(); ++i) {
+    EXPECT_EQ(last[i].frame().row0_mid_exposure, seen[seen.size() - 3 + i]);
+    EXPECT_EQ(last[i].frame().image.width_px, 160);
+  }
+}
+
 }  // namespace
 }  // namespace throwcal
