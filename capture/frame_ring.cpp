@@ -76,6 +76,13 @@ std::vector<FrameLease> FrameRing::freeze(HostTime since) {
   return out;
 }
 
+std::optional<FrameLease> FrameRing::newest() {
+  const std::lock_guard lock(mutex_);
+  if (in_order_.empty()) return std::nullopt;
+  ++holders_[in_order_.back()];
+  return std::make_optional<FrameLease>(*this, in_order_.back());
+}
+
 bool FrameRing::wait_for_room() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return !unused_.empty() || oldest_unheld() || closed_; });

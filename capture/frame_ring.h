@@ -52,6 +52,9 @@ class FrameRing {
   /// the slots that are left.
   std::vector<FrameLease> freeze(HostTime since);
 
+  /// The newest frame, taken or not; nothing where there was none yet.
+  std::optional<FrameLease> newest();
+
   /// For a source that can wait: until publish() is sure to succeed. False: closed.
   bool wait_for_room();
   /// No more frames will come. Thread-safe.

@@ -39,6 +39,7 @@ class Grabber {
   std::optional<FrameLease> take() { return ring_.take(); }
   /// Every frame since then that the ring still has, taken or not, oldest first.
   std::vector<FrameLease> freeze(HostTime since) { return ring_.freeze(since); }
+  std::optional<FrameLease> newest() { return ring_.newest(); }
   GrabberStats stats() const;         ///< thread-safe
   void fail(const std::string& why);  ///< thread-safe: the reader cannot go on, `why` is told
   void request_stop();                ///< thread-safe: take() returns nothing soon

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "capture/grabber.h"
+#include "capture/sighting_crops.h"
 #include "capture/sighting_queue.h"
 
 namespace throwcal {
@@ -21,7 +22,8 @@ class Station {
   Station(std::unique_ptr<Camera> camera, const RigSettings& settings, SightingQueue& queue)
       : queue_(queue),
         detector_(camera->model(), settings.ball_diameter_m, settings.detector),
-        grabber_(std::move(camera), settings.ring_slots) {
+        grabber_(std::move(camera), settings.ring_slots),
+        crops_(settings.crop_bytes) {
     stats_.name = grabber_.camera().name();
   }
 
@@ -46,6 +48,10 @@ class Station {
   }
 
   void request_stop() { grabber_.request_stop(); }
+  std::optional<PictureCrop> crop_of(const BallSighting& sighting) const {
+    return crops_.find(sighting);
+  }
+  std::optional<FrameLease> newest() { return grabber_.newest(); }
   std::vector<FrameLease> freeze(HostTime since) { return grabber_.freeze(since); }
   void join() {
     if (detecting_.joinable()) detecting_.join();
@@ -67,6 +73,7 @@ class Station {
     while (const auto lease = grabber_.take()) {
       FrameSightings found = detector_.detect(lease->frame());
       count(lease->frame(), found.sightings.size());
+      crops_.keep(lease->frame(), found.sightings);
       queue_.push(std::move(found), grabber_.camera().waits_for_reader());
     }
   }
@@ -90,6 +97,7 @@ class Station {
   SightingQueue& queue_;
   BallDetector detector_;
   Grabber grabber_;
+  SightingCrops crops_;
   std::thread detecting_;
   mutable std::mutex mutex_;
   CameraStats stats_;
@@ -134,6 +142,14 @@ void Rig::stop() {
 
 std::vector<FrameLease> Rig::freeze(CameraId camera, HostTime since) {
   return impl_->stations.at(camera)->freeze(since);
+}
+
+std::optional<FrameLease> Rig::newest(CameraId camera) {
+  return impl_->stations.at(camera)->newest();
+}
+
+std::optional<PictureCrop> Rig::crop_of(const BallSighting& sighting) const {
+  return impl_->stations.at(sighting.camera)->crop_of(sighting);
 }
 
 std::vector<CameraStats> Rig::stats() const {

@@ -11,13 +11,15 @@
 #include "capture/ball_detector.h"
 #include "capture/camera.h"
 #include "capture/grabber.h"
+#include "capture/picture_crop.h"
 #include "estimator/observation.h"
 
 namespace throwcal {
 
 struct RigSettings {
-  std::size_t ring_slots = 32;  ///< frames a camera's ring holds
-  int queue_frames = 4096;      ///< frames' worth of sightings that may wait for the estimator
+  std::size_t ring_slots = 32;         ///< frames a camera's ring holds
+  std::size_t crop_bytes = 4'000'000;  ///< of a camera's last sightings' pictures
+  int queue_frames = 4096;  ///< frames' worth of sightings that may wait for the estimator
   double ball_diameter_m = 0.0657;
   BallDetectorSettings detector{};
 };
@@ -51,6 +53,10 @@ class Rig {
   /// The frames of a camera since then that its ring still has, oldest first, by reference: holding
   /// them takes their slots from the ring. Thread-safe.
   std::vector<FrameLease> freeze(CameraId camera, HostTime since);
+  /// A camera's newest frame, likewise.
+  std::optional<FrameLease> newest(CameraId camera);
+  /// What a sighting looked like; nothing where that is gone. Thread-safe.
+  std::optional<PictureCrop> crop_of(const BallSighting& sighting) const;
   std::vector<CameraStats> stats() const;  ///< thread-safe
   std::uint64_t sightings_dropped()
       const;  ///< frames' worth of sightings lost because the queue was full

@@ -255,6 +255,8 @@ std::vector<Track> FlightFinder::add(const FrameSightings& frame) {
   return out;
 }
 
+bool FlightFinder::is_following() const { return !state_->open.empty(); }
+
 std::vector<Track> FlightFinder::finish() {
   std::vector<Track> out;
   for (int round = 0; round < 2; ++round) {

@@ -20,13 +20,6 @@ namespace {
 
 constexpr std::size_t shortest_token = 8, longest_token = 128, random_bytes = 16;
 
-std::string new_token() {
-  std::array<char, random_bytes> seed{};
-  if (getrandom(seed.data(), seed.size(), 0) != static_cast<ssize_t>(seed.size()))
-    throw InputError(std::string("no random numbers for a token: ") + std::strerror(errno));
-  return sha256_hex({seed.data(), seed.size()}).substr(0, 2 * random_bytes);
-}
-
 void make(const std::filesystem::path& file) { write_text_file(file, new_token() + "\n", 0640); }
 
 bool is_printable(char c) { return c > ' ' && c <= '~'; }
@@ -43,6 +36,13 @@ std::uint32_t Access::short_key() const {
   const auto digest = sha256(token_);
   return std::uint32_t{digest[0]} << 24 | std::uint32_t{digest[1]} << 16 |
          std::uint32_t{digest[2]} << 8 | digest[3];
+}
+
+std::string new_token() {
+  std::array<char, random_bytes> seed{};
+  if (getrandom(seed.data(), seed.size(), 0) != static_cast<ssize_t>(seed.size()))
+    throw InputError(std::string("no random numbers for a token: ") + std::strerror(errno));
+  return sha256_hex({seed.data(), seed.size()}).substr(0, 2 * random_bytes);
 }
 
 std::string token_in(const std::filesystem::path& file) {

@@ -32,8 +32,11 @@ class Access {
   std::optional<Clock::time_point> open_until_;
 };
 
-/// The token in this file: its first line. Where there is no file, a new token is made (128 random
-/// bits in hexadecimal) and kept there, readable by its owner and group only. Throws InputError
+/// 128 random bits in hexadecimal.
+std::string new_token();
+
+/// The token in this file: its first line. Where there is no file, new_token() is kept
+/// there, readable by its owner and group only. Throws InputError
 /// where the file can't be read or made, or holds fewer than 8 or more than 128 printable
 /// characters.
 std::string token_in(const std::filesystem::path& file);

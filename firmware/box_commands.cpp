@@ -61,6 +61,8 @@ std::string status_line(const Json& status) {
 
 std::string status_text(const Json& status) {
   std::string out = status_line(status) + "\n";
+  if (const auto advice = text_or(status, "advice", ""); !advice.empty())
+    out += "  " + advice + "\n";
   for (const Json& camera : status.at("cameras")) {
     char line[160];
     std::snprintf(line, sizeof line, "  %-12s %6.1f frames/s  %8lld frames  %lld lost  %d flights",
@@ -135,10 +137,10 @@ CLI::App* add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOption
   return command;
 }
 
-void start_capture(const BoxOptions& options) {
+void start_capture(const BoxOptions& options, bool until_stopped) {
   BoxClient box = options.connect();
   options.authenticate(box);
-  const Json now = box.call("capture.start");
+  const Json now = box.call("capture.start", {{"until", until_stopped ? "stopped" : "target"}});
   print(now, "capturing, session " + now.at("session").dump() + ": throw the ball\n", options.json);
 }
 
@@ -167,8 +169,11 @@ CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptio
       "Example:\n  throwcal capture start && throwcal watch --until-throws 5 && throwcal capture "
       "stop && throwcal fetch");
   auto* start = capture->add_subcommand("start", "From now on, throws count");
-  start->callback([box, &status] {
-    start_capture(*box);
+  auto until_stopped = std::make_shared<bool>(false);
+  start->add_flag("--until-stopped", *until_stopped,
+                  "Go on though the rig file's [target] is reached");
+  start->callback([box, until_stopped, &status] {
+    start_capture(*box, *until_stopped);
     status = exit_accepted;
   });
   auto* stop = capture->add_subcommand("stop", "No more throws; solve, and wait for the result");
@@ -179,6 +184,14 @@ CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptio
   stop->add_flag("--no-wait", *no_wait, "Return as soon as the box has taken note");
   stop->callback([box, timeout_s, no_wait, &status] {
     stop_capture(*box, *timeout_s, !*no_wait);
+    status = exit_accepted;
+  });
+  auto* abort = capture->add_subcommand("abort", "Throw this session away");
+  abort->callback([box, &status] {
+    BoxClient client = box->connect();
+    box->authenticate(client);
+    const Json now = client.call("capture.abort");
+    print(now, status_line(now) + "\n", box->json);
     status = exit_accepted;
   });
   return capture;
@@ -209,14 +222,16 @@ CLI::App* add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions
   auto* command = app.add_subcommand("watch", "Follow what the box does");
   auto throws = std::make_shared<int>(0);
   auto timeout_s = std::make_shared<double>(0.0);
-  command->add_option("--until-throws", *throws, "Return once that many throws are found");
+  command->add_option("--until-throws", *throws,
+                      "Return once that many throws are found, or the session has ended");
   command->add_option("--timeout", *timeout_s, "Give up after so many seconds (exit status 1)");
   command->footer("Example:\n  throwcal watch --until-throws 5 --timeout 60");
   command->callback([box, throws, timeout_s, &status] {
     BoxClient client = box->connect();
     LiveLine line(box->json);
     const bool reached = follow(client, line, *timeout_s, [&](const Json& now) {
-      return *throws > 0 && now.at("throws").get<int>() >= *throws;
+      const bool is_over = now.at("state") == "done" || now.at("state") == "fault";
+      return *throws > 0 && (now.at("throws").get<int>() >= *throws || is_over);
     });
     status = reached ? exit_accepted : exit_failed;
     if (!reached && *throws > 0)

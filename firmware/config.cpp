@@ -89,6 +89,8 @@ void read_target(TomlTable table, Config& config) {
   Target& out = config.rig.target;
   out.position_m = table.number("position_m", target).value_or(out.position_m);
   out.rotation_rad = table.number("rotation_rad", target).value_or(out.rotation_rad);
+  config.target_throws =
+      static_cast<int>(table.integer("throws", 1, 1000).value_or(config.target_throws));
   std::ranges::copy(table.unread(), std::back_inserter(config.warnings));
 }
 
@@ -273,6 +275,9 @@ void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& c
   config.unit = table.text("unit").value_or("");
   if (const auto s = table.number("pre_trigger_s", between(0, 60, "a number of seconds")))
     config.pre_trigger = from_seconds(*s);
+  config.keep_evidence = table.boolean("evidence").value_or(config.keep_evidence);
+  if (const auto mb = table.number("keep_free_mb", between(0, 1e9, "a number of megabytes")))
+    config.keep_free_bytes = static_cast<std::uint64_t>(1e6 * *mb);
   if (const auto mb = table.number("frame_memory_mb", between(1, 1e6, "a number of megabytes")))
     config.frame_memory_bytes = static_cast<std::size_t>(1e6 * *mb);
   refuse_unread(table);
@@ -303,6 +308,7 @@ Config parse_config(std::string_view toml, const std::string& name,
   const toml::table document = parse(toml, name);
   const TopLevel top(document, name);
   Config config;
+  config.text = toml;
   warn_of_unknown_tables(document, name, config);
   const double altitude_m = read_site(top.table("site"), config);
   read_ball(top.table("ball"), altitude_m, config);

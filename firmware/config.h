@@ -29,7 +29,9 @@ struct CameraInput {
 
 /// The rig file: what the estimator must know of the rig, and what the box must know to run it.
 struct Config {
+  std::string text;  ///< as it was read
   RigDescription rig;
+  int target_throws = 3;  ///< that must agree before a session ends itself
   std::optional<Colour> ball_colour;
   std::vector<CameraInput> inputs;  ///< a camera each
   SimulatedSceneSettings simulation;
@@ -39,6 +41,9 @@ struct Config {
   std::string unit;                                 ///< this box's name; empty: the host's
   /// What was seen so long before the capture began belongs to it.
   std::chrono::nanoseconds pre_trigger = std::chrono::seconds(5);
+  std::uint64_t keep_free_bytes =
+      64'000'000;             ///< of the disk; sightings' pictures make room for it
+  bool keep_evidence = true;  ///< whether these are kept at all
   std::optional<std::size_t> frame_memory_bytes;  ///< that frames may take; default: see cameras.h
   std::vector<std::string> warnings;  ///< keys that nobody reads, "rig.toml:7: ..." each
 };

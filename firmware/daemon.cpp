@@ -12,8 +12,10 @@
 #include <cstdlib>
 
 #include "firmware/camera_changes.h"
+#include "firmware/camera_health.h"
 #include "firmware/cameras.h"
 #include "firmware/export.h"
+#include "firmware/input_error.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
@@ -25,9 +27,6 @@ constexpr auto tick_period = 100ms;        // notifications come at most this of
 constexpr auto heartbeat_period = 1000ms;  // counters alone are told this often
 /// How long the stop waits for the estimator.
 constexpr auto estimator_patience = 500ms;
-/// Frames after which a detector surely knows its background.
-constexpr std::uint64_t warm_frames = 30;
-
 /// Behind the cameras' threads: however busy clients or a calibration keep the processor, pictures
 /// come first. Threads made later inherit it.
 constexpr int niceness = 10;
@@ -36,6 +35,26 @@ std::string host_name() {
   utsname names{};
   uname(&names);
   return names.nodename;
+}
+
+std::vector<std::string> camera_names(const RigDescription& rig) {
+  std::vector<std::string> out;
+  for (const CameraDescription& camera : rig.cameras) out.push_back(camera.name);
+  return out;
+}
+
+/// A box whose disk can't be written still works, by its button: nobody knows its token then.
+std::string token_of(const Config& config, const DaemonSettings& settings) {
+  const auto file = config.token_file.value_or(settings.state_dir / "token");
+  try {
+    return token_in(file);
+  } catch (const InputError& error) {
+    if (std::filesystem::exists(file)) throw;
+    log_warning(std::string(error.what()) +
+                "; until then only the button lets anybody change "
+                "something");
+    return new_token();
+  }
 }
 
 /// A status without what changes all the time: is it worth telling at once?
@@ -52,10 +71,11 @@ Json essence(Json status) {
 Daemon::Daemon(const Config& config, DaemonSettings settings)
     : config_(config),
       settings_(std::move(settings)),
-      store_(settings_.state_dir, config_.rig),
-      access_(token_in(config_.token_file.value_or(settings_.state_dir / "token"))),
+      store_(settings_.state_dir, {.keep_free_bytes = config_.keep_free_bytes}),
+      access_(token_of(config_, settings_)),
       rig_(open_rig(config_, log_warning)),
       session_(config_.rig.cameras.size()),
+      keeper_(session_, store_, rig_, config_.keep_evidence),
       rpc_([this] { return access_.is_open(Access::Clock::now()); }),
       link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
   add_methods(rpc_, *this);
@@ -72,7 +92,6 @@ void Daemon::run() {
   rig_.start();
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
-  resume_unsolved();
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
   const std::string listening =
@@ -95,84 +114,44 @@ void Daemon::shut_down() {
   if (!ended) std::_Exit(0);  // the estimator is at it still; its flights are on the disk
 }
 
+/// Once, as soon as the store can be read.
 void Daemon::resume_unsolved() {
-  auto unsolved = store_.unsolved_session();
-  if (!unsolved) return;
-  log_info("session " + std::to_string(unsolved->session) + " was interrupted; solving its " +
-           std::to_string(unsolved->flights.size()) + " flights");
-  std::vector<CameraId> cameras;
-  for (const Track& flight : unsolved->flights) cameras.push_back(flight.camera);
-  session_.resume_solving(unsolved->session, cameras);
-  store_.stop_session(unsolved->session, utc_now());
-  estimator_->solve(std::move(unsolved->flights));
+  if (has_resumed_ || keeper_.fault()) return;
+  has_resumed_ = true;
+  auto flights = keeper_.resume(camera_names(config_.rig), utc_now());
+  if (!flights) return;
+  log_info("session " + std::to_string(*session_.id()) + " was interrupted; solving its " +
+           std::to_string(flights->size()) + " flights");
+  estimator_->solve(*session_.id(), *std::move(flights));
 }
 
-/// Runs what writes to the store; a failure is the box's fault, shown until a write succeeds.
-template <typename Work>
-bool Daemon::stored(const Work& work) {
-  try {
-    work();
-    fault_.reset();
-    once_.forget("store");
-    return true;
-  } catch (const StoreError& error) {
-    fault_ = error.what();
-    once_.warning("store", error.what());
-    return false;
-  }
+/// Makes a change that may end the capture, and if it does, sees to its end.
+void Daemon::follow(const std::function<void()>& change) {
+  const bool was_watching = session_.is_watching();
+  change();
+  if (was_watching && session_.state() == SessionState::solving) end_capture();
+}
+
+void Daemon::end_capture() {
+  keeper_.stop(utc_now());
+  estimator_->finish_session();
+  log_info("session " + std::to_string(*session_.id()) + " ended; solving");
 }
 
 void Daemon::read_news() {
-  const News news = news_.take();
-  keep(news);
-  for (const Track& flight : news.flights) session_.flight_found(flight.camera);
-  if (news.flights_dropped > 0)
-    once_.warning("flights", std::to_string(news.flights_dropped) +
-                                 " flights were lost: the main loop was too slow");
-  if (news.calibration) session_.calibrated(news.throws, news.calibration);
-  if (news.solved) session_.solved();
-  if (news.cameras_ended) {
-    log_warning("every camera has ended");
-    if (session_.is_watching()) stop_capture();
-  }
-}
-
-void Daemon::keep(const News& news) {
-  if (!session_.id()) return;
-  const std::int64_t id = *session_.id();
-  stored([&] {
-    store_.add_flights(id, news.flights);
-    if (news.calibration) {
-      Json document = to_json(*news.calibration, utc_now());
-      add_devices(document, devices_of_session());
-      store_.put_calibration(id, document, news.throws);
-      judged_devices_ = nullptr;
-    }
-    if (news.solved) store_.finish_session(id);
-  });
-}
-
-bool Daemon::cameras_are_warm() const {
-  return std::ranges::all_of(rig_.stats(), [](const CameraStats& camera) {
-    return !camera.running || !camera.error.empty() || camera.frames >= warm_frames;
-  });
-}
-
-/// What was behind the cameras when the session began, and of those that came later since then.
-Json Daemon::devices_of_session() const {
-  Json devices = store_.devices(*session_.id());
-  if (began_here_ != session_.id()) return devices;
-  const Json now = devices_of(rig_.stats(), true);
-  for (const auto& [name, device] : now.items())
-    if (!devices.contains(name)) devices[name] = device;
-  return devices;
+  News news = news_.take();
+  const bool ended = news.cameras_ended;
+  follow([&] { keeper_.take(std::move(news)); });
+  if (!ended) return;
+  log_warning("every camera has ended");
+  follow([&] { session_.cameras_ended(); });
 }
 
 /// Whether the last calibration is that of the cameras as they are now, looked into again only when
 /// one of both has changed.
 void Daemon::judge_last_calibration() {
   Json devices = devices_of(rig_.stats(), false);
-  if (devices == judged_devices_) return;
+  if (devices == judged_devices_ && judged_calibrations_ == keeper_.calibrations()) return;
   std::optional<Json> latest;
   try {
     latest = store_.latest_calibration();
@@ -187,6 +166,13 @@ void Daemon::judge_last_calibration() {
   if (calibration_problem_)
     log_warning("the last calibration is not of these cameras: " + *calibration_problem_);
   judged_devices_ = std::move(devices);
+  judged_calibrations_ = keeper_.calibrations();
+}
+
+/// Whether anything could be captured.
+void Daemon::judge_trouble() {
+  camera_trouble_ = camera_trouble(rig_.stats());
+  keeper_.fault() || camera_trouble_ ? session_.trouble() : session_.mended();
 }
 
 JsonRpc::Json Daemon::latest_calibration() {
@@ -200,10 +186,15 @@ JsonRpc::Json Daemon::latest_calibration() {
 
 void Daemon::tick() {
   ticker_.after(tick_period);
+  follow([&] { keeper_.catch_up(); });
+  resume_unsolved();
   judge_last_calibration();
-  if (cameras_are_warm()) session_.cameras_became_warm();
+  judge_trouble();
+  if (cameras_are_warm(rig_.stats())) session_.cameras_became_warm();
   const Status now = status_now();
-  tell_camera_faults(now);
+  tell_camera_faults(now.cameras, once_);
+  if (now.sightings_dropped > 0)
+    once_.warning("sightings", "sightings dropped, the estimator is too slow");
   const Json told = essence(to_json(now));
   const auto clock = std::chrono::steady_clock::now();
   if (told == last_told_ && clock - last_told_at_ < heartbeat_period) return;
@@ -214,38 +205,10 @@ void Daemon::tick() {
   link_.publish_status(to_json(now));
 }
 
-void Daemon::tell_camera_faults(const Status& now) {
-  for (const CameraStats& camera : now.cameras) {
-    if (camera.error.empty() && camera.running)
-      once_.forget("camera " + camera.name);
-    else if (!camera.error.empty())
-      once_.warning("camera " + camera.name, "camera \"" + camera.name + "\": " + camera.error);
-    if (camera.frames_dropped > 0)
-      once_.warning("drops " + camera.name,
-                    "camera \"" + camera.name + "\": frames dropped, the detector is too slow");
-    if (camera.frames_damaged > 0)
-      once_.warning("damaged " + camera.name,
-                    "camera \"" + camera.name + "\": frames damaged; a loose cable?");
-    if (camera.settings.set_back > 0)
-      once_.warning("set back " + camera.name,
-                    "camera \"" + camera.name +
-                        "\": another program changed its exposure, gain, "
-                        "focus or white balance; set back");
-    if (!camera.settings.automatic.empty())
-      once_.warning("automatic " + camera.name,
-                    "camera \"" + camera.name + "\": its " + camera.settings.automatic.front() +
-                        " is automatic; a picture that changes is measured worse");
-    if (camera.frames_lost_by_driver > 0)
-      once_.warning("gaps " + camera.name,
-                    "camera \"" + camera.name + "\": frames lost before they reached the box");
-  }
-  if (now.sightings_dropped > 0)
-    once_.warning("sightings", "sightings dropped, the estimator is too slow");
-}
-
 Status Daemon::status_now() const {
   Status now = status_of(session_, rig_);
-  now.fault = fault_;
+  now.fault = keeper_.fault() ? keeper_.fault() : camera_trouble_;
+  now.target = config_.rig.target;
   now.calibration_problem = calibration_problem_;
   now.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
   return now;
@@ -253,29 +216,48 @@ Status Daemon::status_now() const {
 
 Json Daemon::status() const { return to_json(status_now()); }
 
-Json Daemon::start_capture() {
-  Session next = session_;
-  if (const auto refusal = next.start(0, cameras_are_warm())) throw RpcError(rpc_refused, *refusal);
-  std::int64_t id = 0;
-  if (!stored([&] { id = store_.start_session(utc_now(), devices_of(rig_.stats(), true)); }))
-    throw RpcError(rpc_refused, *fault_);
-  (void)session_.start(id, cameras_are_warm());
-  began_here_ = id;
-  estimator_->begin_session();
-  log_info("session " + std::to_string(id) + " began");
+Json Daemon::start_capture(bool ends_itself) {
+  const SessionFacts facts{.unit = unit(),
+                           .software = software_name(),
+                           .started_utc = utc_now(),
+                           .rig_toml = config_.text,
+                           .cameras = camera_names(config_.rig),
+                           .devices = devices_of(rig_.stats(), true)};
+  const SessionGoal goal{.ends_itself = ends_itself, .min_throws = config_.target_throws};
+  if (const auto refusal = keeper_.begin(facts, goal)) throw RpcError(rpc_refused, *refusal);
+  if (cameras_are_warm(rig_.stats())) session_.cameras_became_warm();
+  estimator_->begin_session(*session_.id());
+  log_info("session " + std::to_string(*session_.id()) + " began");
   return status();
 }
 
 Json Daemon::stop_capture() {
-  Session next = session_;
-  if (const auto refusal = next.stop()) throw RpcError(rpc_refused, *refusal);
-  const std::int64_t id = *session_.id();
-  if (!stored([&] { store_.stop_session(id, utc_now()); })) throw RpcError(rpc_refused, *fault_);
-  session_ = next;
-  estimator_->finish_session();
-  log_info("session " + std::to_string(id) + " ended; solving");
+  follow([&] {
+    if (const auto refusal = session_.stop()) throw RpcError(rpc_refused, *refusal);
+  });
   return status();
 }
+
+Json Daemon::abort_capture() {
+  const auto id = session_.id();
+  if (const auto refusal = keeper_.abort()) throw RpcError(rpc_refused, *refusal);
+  estimator_->abandon_session();
+  log_info("session " + std::to_string(*id) + " was thrown away");
+  return status();
+}
+
+Json Daemon::delete_session(std::int64_t session) {
+  try {
+    store_.delete_session(session);
+  } catch (const StoreError& error) {
+    throw RpcError(rpc_refused, error.what());
+  }
+  judged_devices_ = nullptr;
+  log_info("session " + std::to_string(session) + " was deleted");
+  return {{"deleted", session}};
+}
+
+std::string Daemon::unit() const { return config_.unit.empty() ? host_name() : config_.unit; }
 
 void Daemon::authenticate(const std::string& token, JsonRpc::Caller& caller) {
   caller.knows_token = access_.knows(token);
@@ -290,7 +272,7 @@ Json Daemon::hello() const {
   return {{"software", software_name()},
           {"protocol", "throwcal/rpc/1"},
           {"schema", "throwcal/calibration/1"},
-          {"unit", config_.unit.empty() ? host_name() : config_.unit},
+          {"unit", unit()},
           {"cameras", std::move(cameras)}};
 }
 
@@ -317,7 +299,7 @@ Json Daemon::system_info() const {
   utsname names{};
   uname(&names);
   return {{"software", software_name()},
-          {"unit", config_.unit.empty() ? host_name() : config_.unit},
+          {"unit", unit()},
           {"host", names.nodename},
           {"kernel", std::string(names.sysname) + " " + names.release},
           {"machine", names.machine},
@@ -328,7 +310,7 @@ Json Daemon::system_info() const {
           {"config", settings_.config_file.string()},
           {"state_dir", settings_.state_dir.string()},
           {"clients", link_.clients()},
-          {"fault", fault_ ? Json(*fault_) : Json(nullptr)}};
+          {"fault", keeper_.fault() ? Json(*keeper_.fault()) : Json(nullptr)}};
 }
 
 }  // namespace throwcal

@@ -12,6 +12,7 @@
 #include "firmware/json_rpc.h"
 #include "firmware/news_box.h"
 #include "firmware/session.h"
+#include "firmware/session_keeper.h"
 #include "firmware/status.h"
 #include "firmware/store.h"
 #include "firmware/tcp_link.h"
@@ -39,8 +40,11 @@ class Daemon {
   /// From now on the caller may change something; refused where it is not the box's token.
   void authenticate(const std::string& token, JsonRpc::Caller& caller);
   JsonRpc::Json status() const;
-  JsonRpc::Json start_capture();
+  /// `ends_itself`: once the target is reached.
+  JsonRpc::Json start_capture(bool ends_itself = true);
   JsonRpc::Json stop_capture();
+  JsonRpc::Json abort_capture();
+  JsonRpc::Json delete_session(std::int64_t session);
   /// Refused where cables were swapped, or another camera or size is there, since it was made.
   JsonRpc::Json latest_calibration();
   JsonRpc::Json camera_list() const;
@@ -49,17 +53,15 @@ class Daemon {
 
  private:
   void resume_unsolved();
-  bool cameras_are_warm() const;
+  void end_capture();
   void read_news();
-  void keep(const News& news);
-  JsonRpc::Json devices_of_session() const;
+  void follow(const std::function<void()>& change);
   void judge_last_calibration();
+  void judge_trouble();
   void tick();
-  void tell_camera_faults(const Status& now);
   void shut_down();
-  template <typename Work>
-  bool stored(const Work& work);
   Status status_now() const;
+  std::string unit() const;
 
   const Config config_;
   const DaemonSettings settings_;
@@ -70,12 +72,14 @@ class Daemon {
   Access access_;
   Rig rig_;
   Session session_;
+  SessionKeeper keeper_;
   NewsBox news_;
   JsonRpc rpc_;
   TcpLink link_;
-  std::optional<std::string> fault_, calibration_problem_;
-  std::optional<std::int64_t> began_here_;  ///< the session that began in this process
+  std::optional<std::string> camera_trouble_, calibration_problem_;
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
+  std::uint64_t judged_calibrations_ = 0;
+  bool has_resumed_ = false;
   std::optional<EstimatorThread> estimator_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;
   JsonRpc::Json last_told_;

@@ -8,7 +8,7 @@ std::string advice(int code) {
   switch (code & 0xff) {
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
-      return "; the file is damaged: move it away, a new one will be made";
+      return "; the file is damaged, or not one of throwcal's";
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       return "; is another throwcald using it?";
@@ -16,6 +16,8 @@ std::string advice(int code) {
     case SQLITE_READONLY:
     case SQLITE_PERM:
       return "; expected a folder that this user may write to";
+    case SQLITE_IOERR:
+      return "; the disk fails";
     case SQLITE_FULL:
       return "; the disk is full";
     default:
@@ -26,7 +28,8 @@ std::string advice(int code) {
 [[noreturn]] void fail(sqlite3* database) {
   const char* file = sqlite3_db_filename(database, "main");
   throw StoreError(std::string(file ? file : "store") + ": " + sqlite3_errmsg(database) +
-                   advice(sqlite3_errcode(database)));
+                       advice(sqlite3_errcode(database)),
+                   (sqlite3_errcode(database) & 0xff) == SQLITE_FULL);
 }
 
 void check(int code, sqlite3* database) {
@@ -65,6 +68,13 @@ Statement& Statement::bind(const std::optional<double>& value) {
   return *this;
 }
 
+Statement& Statement::bind_bytes(std::string_view value) {
+  check(
+      sqlite3_bind_blob64(statement_.get(), next_++, value.data(), value.size(), SQLITE_TRANSIENT),
+      database_);
+  return *this;
+}
+
 bool Statement::step() {
   const int code = sqlite3_step(statement_.get());
   if (code == SQLITE_ROW) return true;
@@ -85,23 +95,33 @@ std::optional<double> Statement::optional_number(int column) const {
 }
 
 std::string Statement::text(int column) const {
-  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
+  // Also of what is no text: SQLite hands out a number's digits, and a BLOB's bytes as they are.
+  const auto* data = static_cast<const char*>(sqlite3_column_blob(statement_.get(), column));
   const auto size = static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column));
   return data ? std::string(data, size) : std::string();
 }
 
-Database::Database(const std::filesystem::path& file) {
+Database::Database(const std::filesystem::path& file, Mode mode) {
+  constexpr int reading = SQLITE_OPEN_READONLY, writing = SQLITE_OPEN_READWRITE;
+  const int flags = mode == Mode::read    ? reading
+                    : mode == Mode::write ? writing
+                                          : writing | SQLITE_OPEN_CREATE;
   sqlite3* database = nullptr;
-  const int code =
-      sqlite3_open_v2(file.c_str(), &database, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  const int code = sqlite3_open_v2(file.c_str(), &database, flags, nullptr);
   database_.reset(database);
   if (code != SQLITE_OK)
     throw StoreError(file.string() + ": " + sqlite3_errstr(code) + advice(code));
   sqlite3_extended_result_codes(database, 1);
-  // FULL: a commit is on the disk when it returns. EXCLUSIVE: a second daemon is told so at once.
-  execute(
-      "PRAGMA locking_mode=EXCLUSIVE; PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;"
-      "PRAGMA foreign_keys=ON");
+  sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON; PRAGMA foreign_keys=ON");
+  if (mode == Mode::read) return;
+  // FULL: a commit is on the disk when it returns. EXCLUSIVE: a second user is told so at once.
+  execute("PRAGMA locking_mode=EXCLUSIVE; PRAGMA synchronous=FULL");
+  execute(mode == Mode::make ? "PRAGMA journal_mode=DELETE" : "PRAGMA journal_mode=WAL");
+}
+
+void Database::seal() const {
+  execute("PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode=DELETE");
 }
 
 void Database::execute(const std::string& sql) const {

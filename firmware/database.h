@@ -13,7 +13,9 @@ namespace throwcal {
 
 /// The database refuses; what() names the file, the cause and what to do.
 struct StoreError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+  explicit StoreError(const std::string& what, bool disk_is_full_ = false)
+      : std::runtime_error(what), disk_is_full(disk_is_full_) {}
+  bool disk_is_full;
 };
 
 /// A prepared statement: bind() all, then step() row by row, column by column.
@@ -23,7 +25,8 @@ class Statement {
 
   Statement& bind(std::int64_t value);
   Statement& bind(double value);
-  Statement& bind(std::string_view value);  ///< copied
+  Statement& bind(std::string_view value);        ///< copied
+  Statement& bind_bytes(std::string_view value);  ///< a BLOB, copied
   Statement& bind(const std::optional<double>& value);
   bool step();  ///< true: there is a row
   void run();   ///< step to the end and make ready for the next use
@@ -43,13 +46,18 @@ class Statement {
 };
 
 /// One SQLite file, used by one thread and one process at a time; every transaction is on the disk
-/// when it returns.
+/// when it returns. Nothing in the file is trusted: it runs no code of its own.
 class Database {
  public:
-  explicit Database(const std::filesystem::path& file);
+  /// `write`: it must be there, and nobody else may use it meanwhile; its write-ahead log lies
+  /// beside it until seal().
+  enum class Mode { make, write, read };
+  Database(const std::filesystem::path& file, Mode mode);
 
   Statement prepare(std::string_view sql) const { return {database_.get(), sql}; }
   void execute(const std::string& sql) const;  ///< statements without parameters
+  /// All in the one file, nothing beside it, readable where nobody may write.
+  void seal() const;
   std::int64_t last_id() const { return sqlite3_last_insert_rowid(database_.get()); }
 
   /// All of `work` or nothing.

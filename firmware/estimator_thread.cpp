@@ -14,10 +14,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A throw's flights end in one camera after the other; after this long, all have.
-constexpr HostClock::duration settling_time = 300ms;
+/// A throw's flights end in one camera after the other. As long as a camera follows one, its
+/// calibration waits, but no longer than this: what seems to fly may be a bird.
+constexpr HostClock::duration longest_wait = 300ms;
 /// Of the time between calibrations, so that frames never pile up behind them.
-constexpr int pause_per_work = 2;
+constexpr int rest_per_work = 2;
 
 /// A flight that begins this soon after another ends is the same throw, bounced.
 constexpr HostClock::duration longest_bounce = 300ms;
@@ -38,7 +39,7 @@ int times_thrown(const std::vector<Throw>& flights) {
   return count;
 }
 
-/// Leaves calibrate() when the box is switched off.
+/// Leaves calibrate() when the box is switched off or the session thrown away.
 struct GivenUp {};
 
 }  // namespace
@@ -54,9 +55,15 @@ EstimatorThread::EstimatorThread(const RigDescription& description, Rig& rig, Ne
 
 EstimatorThread::~EstimatorThread() = default;
 
-void EstimatorThread::begin_session() { give(Order::begin); }
-void EstimatorThread::finish_session() { give(Order::finish); }
-void EstimatorThread::solve(std::vector<Track> flights) { give(Order::solve, std::move(flights)); }
+void EstimatorThread::begin_session(std::int64_t session) { give({Order::Kind::begin, session}); }
+
+void EstimatorThread::finish_session() { give({Order::Kind::finish}); }
+
+void EstimatorThread::abandon_session() { give({Order::Kind::abandon}); }
+
+void EstimatorThread::solve(std::int64_t session, std::vector<Track> flights) {
+  give({Order::Kind::solve, session, std::move(flights)});
+}
 
 bool EstimatorThread::stop_within(std::chrono::milliseconds time) {
   thread_.request_stop();
@@ -64,9 +71,10 @@ bool EstimatorThread::stop_within(std::chrono::milliseconds time) {
   return ordered_.wait_for(lock, time, [this] { return has_ended_; });
 }
 
-void EstimatorThread::give(Order order, std::vector<Track> flights) {
+void EstimatorThread::give(Order order) {
   const std::scoped_lock lock(mutex_);
-  orders_.emplace_back(order, std::move(flights));
+  if (order.kind == Order::Kind::abandon) is_abandoned_ = true;
+  orders_.push_back(std::move(order));
   interrupt_.request_stop();
   ordered_.notify_all();
 }
@@ -78,7 +86,7 @@ void EstimatorThread::run(std::stop_token stop) {
     interrupt_.request_stop();
   });
   while (!stop.stop_requested()) {
-    std::vector<std::pair<Order, std::vector<Track>>> orders;
+    std::vector<Order> orders;
     std::stop_token interrupt;
     {
       const std::scoped_lock lock(mutex_);
@@ -86,7 +94,7 @@ void EstimatorThread::run(std::stop_token stop) {
       if (interrupt_.stop_requested() && !stop.stop_requested()) interrupt_ = {};
       interrupt = interrupt_.get_token();
     }
-    for (auto& [order, flights] : orders) obey(order, std::move(flights), stop);
+    for (Order& order : orders) obey(std::move(order), stop);
     if (cameras_ended_) {
       wait_for_order(stop);
     } else if (auto frame = rig_.next(interrupt)) {
@@ -107,26 +115,36 @@ void EstimatorThread::wait_for_order(std::stop_token stop) {
   ordered_.wait(lock, stop, [this] { return !orders_.empty(); });
 }
 
-void EstimatorThread::obey(Order order, std::vector<Track> flights, std::stop_token stop) {
-  switch (order) {
-    case Order::begin:
-      search_.emplace(description_);
-      calibrate_at_.reset();
-      pause_ = {};
-      for (const FrameSightings& frame : std::exchange(remembered_, {}))
-        if (frame.time >= newest_ - pre_trigger_) take(frame, stop);
-      newest_ = {};
+void EstimatorThread::obey(Order order, std::stop_token stop) {
+  switch (order.kind) {
+    case Order::Kind::begin:
+      return begin(order.session, stop);
+    case Order::Kind::abandon:
+      search_.reset();
+      is_abandoned_ = false;
       return;
-    case Order::finish:
-      if (search_) finish_search(stop);
+    case Order::Kind::finish:
+      if (!search_) return;
+      finish_search(stop);
       break;
-    case Order::solve:
+    case Order::Kind::solve:
+      session_ = order.session;
       search_.emplace(description_);
-      for (Track& flight : flights) search_->add_flight(std::move(flight));
+      for (Track& flight : order.flights) search_->add_flight(std::move(flight));
       break;
   }
   calibrate_now(stop, true);
   search_.reset();
+}
+
+void EstimatorThread::begin(std::int64_t session, std::stop_token stop) {
+  session_ = session;
+  search_.emplace(description_);
+  found_at_.reset();
+  rested_at_ = HostTime::min();
+  for (const FrameSightings& frame : std::exchange(remembered_, {}))
+    if (frame.time >= newest_ - pre_trigger_) take(frame, stop);
+  newest_ = {};
 }
 
 /// What was seen before the order counts, though it may still wait to be looked at.
@@ -138,10 +156,13 @@ void EstimatorThread::finish_search(std::stop_token stop) {
     auto frame = rig_.next(no_waiting.get_token());
     if (!frame || frame->time > ordered) break;
     numbering_.number(*frame);
-    if (auto flights = search_->add(*frame); !flights.empty())
-      news_.post({.flights = std::move(flights)});
+    post_flights(search_->add(*frame));
   }
-  news_.post({.flights = search_->finish()});
+  post_flights(search_->finish());
+}
+
+void EstimatorThread::post_flights(std::vector<Track> flights) {
+  if (!flights.empty()) news_.post({.session = session_, .flights = std::move(flights)});
 }
 
 void EstimatorThread::remember(FrameSightings frame) {
@@ -152,35 +173,36 @@ void EstimatorThread::remember(FrameSightings frame) {
 }
 
 void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {
-  if (std::vector<Track> flights = search_->add(frame); !flights.empty()) {
-    news_.post({.flights = std::move(flights)});
-    // Never put off: with many flights the next would always come before the pause is over.
-    if (!calibrate_at_)
-      calibrate_at_ = frame.time + std::max<HostClock::duration>(settling_time, pause_);
-  }
-  if (calibrate_at_ && frame.time >= *calibrate_at_) {
-    calibrate_at_.reset();
-    calibrate_now(stop, false);
-  }
+  std::vector<Track> flights = search_->add(frame);
+  if (!flights.empty() && !found_at_) found_at_ = frame.time;
+  post_flights(std::move(flights));
+  if (!found_at_ || frame.time < rested_at_) return;
+  if (search_->is_following() && frame.time < *found_at_ + longest_wait) return;
+  found_at_.reset();
+  const auto began = std::chrono::steady_clock::now();
+  calibrate_now(stop, false);
+  const auto work = std::chrono::steady_clock::now() - began;
+  rested_at_ = frame.time + (1 + rest_per_work) * work;
 }
 
 void EstimatorThread::calibrate_now(std::stop_token stop, bool last) {
-  const auto began = std::chrono::steady_clock::now();
   const std::vector<Throw> throws = search_->throws();
   if (throws.empty() && !last) return;
   CalibrateSettings settings;
   settings.progress = [&](double) {
-    if (stop.stop_requested()) throw GivenUp{};
+    if (stop.stop_requested() || is_abandoned_) throw GivenUp{};
   };
   try {
     auto calibration =
         std::make_shared<const Calibration>(calibrate(description_, throws, settings));
-    news_.post(
-        {.throws = times_thrown(throws), .calibration = std::move(calibration), .solved = last});
+    news_.post({.session = session_,
+                .throws = times_thrown(throws),
+                .calibrated_flights = search_->flights(),
+                .calibration = std::move(calibration),
+                .solved = last});
   } catch (const GivenUp&) {
-    return;  // its flights are stored: the next start solves them
+    // Its flights are stored: the next start solves them, if they are still wanted.
   }
-  pause_ = pause_per_work * (std::chrono::steady_clock::now() - began);
 }
 
 }  // namespace throwcal

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -26,25 +27,33 @@ class EstimatorThread {
                   HostClock::duration pre_trigger);
   ~EstimatorThread();  ///< stops and joins
 
-  void begin_session();
+  void begin_session(std::int64_t session);
   /// Ends open flights, calibrates a last time, posts `solved`.
   void finish_session();
+  /// Throws the session away; a calibration that is being made, too.
+  void abandon_session();
   /// A session of before: calibrates its flights, posts `solved`.
-  void solve(std::vector<Track> flights);
+  void solve(std::int64_t session, std::vector<Track> flights);
   /// Gives up what it is doing, a calibration included. False: it is at work that can't be given up
   /// (putting flights of a long session together) and not done in time.
   bool stop_within(std::chrono::milliseconds time);
 
  private:
-  enum class Order { begin, finish, solve };
+  struct Order {
+    enum class Kind { begin, finish, abandon, solve } kind;
+    std::int64_t session = 0;
+    std::vector<Track> flights = {};
+  };
 
-  void give(Order order, std::vector<Track> flights = {});
+  void give(Order order);
   void run(std::stop_token stop);
   void wait_for_order(std::stop_token stop);
-  void obey(Order order, std::vector<Track> flights, std::stop_token stop);
+  void obey(Order order, std::stop_token stop);
+  void begin(std::int64_t session, std::stop_token stop);
   void finish_search(std::stop_token stop);
   void remember(FrameSightings frame);
   void take(const FrameSightings& frame, std::stop_token stop);
+  void post_flights(std::vector<Track> flights);
   void calibrate_now(std::stop_token stop, bool last);
 
   const RigDescription description_;
@@ -54,17 +63,19 @@ class EstimatorThread {
 
   std::mutex mutex_;  // guards orders_, has_ended_ and interrupt_
   std::condition_variable_any ordered_;
-  std::vector<std::pair<Order, std::vector<Track>>> orders_;
+  std::vector<Order> orders_;
   bool has_ended_ = false;
-  std::stop_source interrupt_;  // makes a waiting rig_.next() return; renewed each time
+  std::atomic<bool> is_abandoned_ = false;  ///< an order to abandon waits
+  std::stop_source interrupt_;              // makes a waiting rig_.next() return; renewed each time
 
   // The thread's own:
   SightingNumbering numbering_;
   std::deque<FrameSightings> remembered_;  // while there is no session: the last pre_trigger_
   HostTime newest_{};                      // of a frame remembered
   std::optional<ThrowSearch> search_;
-  std::optional<HostTime> calibrate_at_;  // when frames of that time arrive
-  HostClock::duration pause_{};           // between two calibrations
+  std::int64_t session_ = 0;
+  std::optional<HostTime> found_at_;      // of the first flight that is in no calibration yet
+  HostTime rested_at_ = HostTime::min();  // before it, no calibration is made
   bool cameras_ended_ = false;
 
   std::jthread thread_;

@@ -19,6 +19,10 @@ NewsBox::~NewsBox() { close(fd_); }
 
 void NewsBox::post(News news) {
   const std::scoped_lock lock(mutex_);
+  if (news.session != 0 && news.session != waiting_.session) {
+    const bool ended = waiting_.cameras_ended;
+    waiting_ = {.session = news.session, .cameras_ended = ended};
+  }
   for (Track& flight : news.flights) {
     if (waiting_.flights.size() < max_flights_)
       waiting_.flights.push_back(std::move(flight));
@@ -28,6 +32,7 @@ void NewsBox::post(News news) {
   if (news.calibration) {
     waiting_.calibration = std::move(news.calibration);
     waiting_.throws = news.throws;
+    waiting_.calibrated_flights = news.calibrated_flights;
   }
   waiting_.solved |= news.solved;
   waiting_.cameras_ended |= news.cameras_ended;

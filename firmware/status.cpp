@@ -55,7 +55,43 @@ void add_worst_sigma(const Calibration& calibration, Status& status) {
   status.worst_sigma_rotation_rad = rotation_rad;
 }
 
+std::string advice_for_throwing(const Status& s) {
+  if (s.throws == 0) return "throw the ball where two cameras or more see it fly";
+  if (s.verdict && *s.verdict == Verdict::accepted)
+    return s.ends_itself && s.throws < s.target_throws
+               ? "good enough; throw again, so that " + std::to_string(s.target_throws) + " agree"
+               : "good enough; stop, or throw on";
+  if (s.next_throw) return *s.next_throw;
+  return s.reasons.empty() ? "throw again" : s.reasons.front();
+}
+
+std::string advice_when_done(const Status& s) {
+  if (s.throws == 0) return "no throw was seen: start again, and throw where two cameras see it";
+  if (!s.verdict || *s.verdict == Verdict::accepted) return "fetch the calibration";
+  return s.reasons.empty() ? "start again, and throw more often" : s.reasons.front();
+}
+
 }  // namespace
+
+std::string advice(const Status& s) {
+  switch (s.state) {
+    case SessionState::idle:
+      return s.calibration_problem ? "calibrate again: " + *s.calibration_problem
+                                   : "press capture, then throw the ball";
+    case SessionState::warming_up:
+      return "wait: the cameras learn their background";
+    case SessionState::capturing:
+    case SessionState::throw_seen:
+      return advice_for_throwing(s);
+    case SessionState::solving:
+      return "wait: the result is being made";
+    case SessionState::done:
+      return advice_when_done(s);
+    case SessionState::fault:
+      return s.fault ? "mend this: " + *s.fault : "wait: the fault is being looked into";
+  }
+  return "";
+}
 
 Status status_of(const Session& session, const Rig& rig) {
   Status out;
@@ -64,10 +100,13 @@ Status status_of(const Session& session, const Rig& rig) {
   out.throws = session.throws();
   out.cameras = rig.stats();
   out.flights = session.flights();
+  out.target_throws = session.goal().min_throws;
+  out.ends_itself = session.goal().ends_itself;
   out.sightings_dropped = rig.sightings_dropped();
   if (const auto& calibration = session.calibration()) {
     out.verdict = calibration->verdict;
     out.reasons = calibration->reasons;
+    if (calibration->next_throw) out.next_throw = calibration->next_throw->text;
     add_worst_sigma(*calibration, out);
   }
   return out;
@@ -85,6 +124,13 @@ Json to_json(const Status& s) {
       {"worst_sigma_rotation_rad", known(s.worst_sigma_rotation_rad)},
       {"verdict", s.verdict ? Json(to_string(*s.verdict)) : Json(nullptr)},
       {"reasons", s.reasons},
+      {"target",
+       {{"position_m", s.target.position_m},
+        {"rotation_rad", s.target.rotation_rad},
+        {"throws", s.target_throws}}},
+      {"ends_itself", s.ends_itself},
+      {"next_throw", s.next_throw ? Json(*s.next_throw) : Json(nullptr)},
+      {"advice", advice(s)},
       {"cameras", std::move(cameras)},
       {"sightings_dropped", s.sightings_dropped},
       {"calibration_problem", s.calibration_problem ? Json(*s.calibration_problem) : Json(nullptr)},

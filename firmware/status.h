@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "capture/rig.h"
+#include "estimator/rig_description.h"
 #include "firmware/session.h"
 
 namespace throwcal {
@@ -19,10 +20,17 @@ struct Status {
   std::optional<double> worst_sigma_position_m, worst_sigma_rotation_rad;
   std::optional<Verdict> verdict;
   std::vector<std::string> reasons;
+  Target target;
+  int target_throws = 0;                  ///< that must agree before the session ends itself
+  bool ends_itself = true;                ///< once it has reached the target
+  std::optional<std::string> next_throw;  ///< which would help most
   std::optional<std::string> calibration_problem;  ///< why the last one is not of these cameras
   std::optional<std::string> fault;  ///< of the box itself, as a store that can't be written
   double uptime_s = 0.0;
 };
+
+/// What to do now, a sentence for whoever stands at the box.
+std::string advice(const Status& status);
 
 Status status_of(const Session& session, const Rig& rig);
 

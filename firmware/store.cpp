@@ -1,197 +1,356 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/store.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+
+#include "firmware/input_error.h"
+#include "firmware/text_file.h"
 
 namespace throwcal {
 namespace {
 
-constexpr std::int64_t schema_version = 2;
-constexpr const char* tables = R"(
-CREATE TABLE session(id INTEGER PRIMARY KEY AUTOINCREMENT, started_utc TEXT NOT NULL, stopped_utc TEXT,
-  state TEXT NOT NULL CHECK(state IN ('capturing', 'solving', 'done')), cameras TEXT NOT NULL,
-  devices TEXT NOT NULL DEFAULT '{}');
-CREATE TABLE flight(id INTEGER PRIMARY KEY, session INTEGER NOT NULL REFERENCES session(id),
-  camera INTEGER NOT NULL);
-CREATE INDEX flight_of_session ON flight(session);
-CREATE TABLE sighting(flight INTEGER NOT NULL REFERENCES flight(id), time_ns INTEGER NOT NULL,
-  u_px REAL NOT NULL, v_px REAL NOT NULL, cov_uu_px2 REAL NOT NULL, cov_uv_px2 REAL NOT NULL,
-  cov_vv_px2 REAL NOT NULL, radius_px REAL, number INTEGER NOT NULL);
-CREATE INDEX sighting_of_flight ON sighting(flight);
-CREATE TABLE calibration(id INTEGER PRIMARY KEY AUTOINCREMENT,
-  session INTEGER NOT NULL UNIQUE REFERENCES session(id), created_utc TEXT NOT NULL,
-  verdict TEXT NOT NULL, throws INTEGER NOT NULL, document TEXT NOT NULL);
-)";
+/// A calibration's id is its session's number and its own.
+constexpr std::int64_t ids_per_session = 10'000;
+/// Deleting needs a little room, which a full disk has not: this file has kept it.
+constexpr std::size_t reserve_bytes = 256 * 1024;
+constexpr const char* extension = ".throwcal";
 
-std::filesystem::path prepared(const std::filesystem::path& state_dir) {
-  std::error_code error;
-  std::filesystem::create_directories(state_dir, error);
-  if (error) throw StoreError(state_dir.string() + ": can't be made: " + error.message());
-  return state_dir / "throwcal.db";
+std::string name_of(std::int64_t id) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06lld%s", static_cast<long long>(id), extension);
+  return name;
 }
 
-BallSighting sighting_of(const Statement& row, CameraId camera) {
-  BallSighting s;
-  s.camera = camera;
-  s.time = HostTime(HostClock::duration(row.integer(0)));
-  s.center_px = {row.number(1), row.number(2)};
-  s.cov_px2 << row.number(3), row.number(4), row.number(4), row.number(5);
-  s.radius_px = row.optional_number(6);
-  s.id = static_cast<std::uint64_t>(row.integer(7));
-  return s;
+std::optional<std::int64_t> id_of(const std::filesystem::path& file) {
+  const std::string stem = file.stem().string();
+  std::int64_t id = 0;
+  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), id);
+  if (file.extension() != extension || error != std::errc{} || end != stem.data() + stem.size() ||
+      id <= 0 || id > 1'000'000'000)
+    return {};
+  return id;
+}
+
+std::filesystem::path log_of(const std::filesystem::path& file) { return file.string() + "-wal"; }
+
+StoreError unusable(const std::filesystem::path& place, const std::string& why) {
+  return StoreError(place.string() + ": can't be used: " + why +
+                    "; expected a folder that this user may write to");
+}
+
+bool is_over(const SessionFacts& facts) {
+  return facts.state == "done" || facts.state == "aborted";
 }
 
 }  // namespace
 
-Store::Store(const std::filesystem::path& state_dir, const RigDescription& rig)
-    : database_(prepared(state_dir)) {
-  for (const CameraDescription& camera : rig.cameras) camera_names_.push_back(camera.name);
-  make_tables();
+Store::Store(std::filesystem::path state_dir, StoreSettings settings)
+    : state_dir_(std::move(state_dir)), folder_(state_dir_ / "sessions"), settings_(settings) {
+  try {
+    take_lock();
+  } catch (const StoreError&) {
+    if (lock_ == -2) throw;
+  }
 }
 
-void Store::make_tables() {
-  Statement version = database_.prepare("PRAGMA user_version");
-  version.step();
-  const std::int64_t found = version.integer(0);
-  version.run();
-  if (found == schema_version) return;
-  if (found == 1) return migrate();
-  if (found != 0)
-    throw StoreError("throwcal.db is of version " + std::to_string(found) + "; expected version " +
-                     std::to_string(schema_version) + ": it was written by a newer throwcal");
-  database_.transaction([&] {
-    database_.execute(tables);
-    database_.execute("PRAGMA user_version=" + std::to_string(schema_version));
-  });
-}
-
-/// What was kept by an older throwcal stays.
-void Store::migrate() {
-  database_.transaction([&] {
-    database_.execute("ALTER TABLE session ADD COLUMN devices TEXT NOT NULL DEFAULT '{}'");
-    database_.execute("PRAGMA user_version=" + std::to_string(schema_version));
-  });
-}
-
-std::int64_t Store::start_session(const std::string& utc, const Json& devices) {
-  database_
-      .prepare(
-          "INSERT INTO session(started_utc, state, cameras, devices)"
-          " VALUES(?, 'capturing', ?, ?)")
-      .bind(utc)
-      .bind(Json(camera_names_).dump())
-      .bind(devices.dump(-1, ' ', false, Json::error_handler_t::replace))
-      .run();
-  return database_.last_id();
-}
-
-Store::Json Store::devices(std::int64_t session) const {
-  Statement row = database_.prepare("SELECT devices FROM session WHERE id = ?");
-  row.bind(session);
-  return row.step() ? Json::parse(row.text(0)) : Json::object();
-}
-
-void Store::stop_session(std::int64_t session, const std::string& utc) {
-  database_.prepare("UPDATE session SET stopped_utc = ?, state = 'solving' WHERE id = ?")
-      .bind(utc)
-      .bind(session)
-      .run();
-}
-
-void Store::add_flights(std::int64_t session, const std::vector<Track>& flights) {
-  if (flights.empty()) return;
-  Statement flight = database_.prepare("INSERT INTO flight(session, camera) VALUES(?, ?)");
-  Statement sighting = database_.prepare("INSERT INTO sighting VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  database_.transaction([&] {
-    for (const Track& track : flights) {
-      flight.bind(session).bind(std::int64_t{track.camera}).run();
-      const std::int64_t id = database_.last_id();
-      for (const BallSighting& s : track.sightings)
-        sighting.bind(id)
-            .bind(std::int64_t{s.time.time_since_epoch().count()})
-            .bind(s.center_px.x())
-            .bind(s.center_px.y())
-            .bind(s.cov_px2(0, 0))
-            .bind(s.cov_px2(0, 1))
-            .bind(s.cov_px2(1, 1))
-            .bind(s.radius_px)
-            .bind(static_cast<std::int64_t>(s.id))
-            .run();
+Store::~Store() {
+  if (current_) {
+    try {
+      current_->seal();
+    } catch (const StoreError&) {  // its log is read at the next start
     }
-  });
+  }
+  current_.reset();
+  if (lock_ >= 0) close(lock_);
 }
 
-void Store::put_calibration(std::int64_t session, const Json& document, int throws) {
-  database_
-      .prepare(
-          "INSERT INTO calibration(session, created_utc, verdict, throws, document)"
-          " VALUES(?, ?, ?, ?, ?) ON CONFLICT(session) DO UPDATE SET"
-          " created_utc = excluded.created_utc, verdict = excluded.verdict,"
-          " throws = excluded.throws, document = excluded.document")
-      .bind(session)
-      .bind(document.at("created_utc").get<std::string>())
-      .bind(document.at("verdict").get<std::string>())
-      .bind(std::int64_t{throws})
-      .bind(document.dump(-1, ' ', false, Json::error_handler_t::replace))
-      .run();
+/// -2: somebody else has it.
+void Store::take_lock() {
+  if (lock_ >= 0) return;
+  std::error_code error;
+  std::filesystem::create_directories(folder_, error);
+  if (error) throw unusable(state_dir_, error.message());
+  const int fd = open((state_dir_ / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  if (fd < 0) throw unusable(state_dir_, std::strerror(errno));
+  if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    close(fd);
+    lock_ = -2;
+    throw StoreError(state_dir_.string() + ": another throwcald is using it");
+  }
+  lock_ = fd;
 }
 
-void Store::finish_session(std::int64_t session) {
-  database_.prepare("UPDATE session SET state = 'done' WHERE id = ?").bind(session).run();
+void Store::ready() {
+  take_lock();
+  if (!is_read_) read_folder();
+  lay_reserve();
 }
 
-std::optional<Store::Unsolved> Store::unsolved_session() const {
-  Statement newest =
-      database_.prepare("SELECT id, state, cameras FROM session ORDER BY id DESC LIMIT 1");
-  if (!newest.step() || newest.text(1) == "done") return {};
-  if (newest.text(2) != Json(camera_names_).dump()) return {};
-  Unsolved out{newest.integer(0), {}};
-  Statement flights = database_.prepare("SELECT id, camera FROM flight WHERE session = ?");
-  flights.bind(out.session);
-  while (flights.step()) {
-    const auto camera = static_cast<CameraId>(flights.integer(1));
-    Statement rows = database_.prepare(
-        "SELECT time_ns, u_px, v_px, cov_uu_px2, cov_uv_px2, cov_vv_px2, radius_px, number"
-        " FROM sighting WHERE flight = ? ORDER BY time_ns");
-    rows.bind(flights.integer(0));
-    Track& track = out.flights.emplace_back(Track{camera, {}});
-    while (rows.step()) track.sightings.push_back(sighting_of(rows, camera));
+void Store::read_folder() {
+  sessions_.clear();
+  std::error_code error;
+  for (const auto& item : std::filesystem::directory_iterator(folder_, error)) {
+    if (item.path().extension() == ".new") std::filesystem::remove(item.path(), error);
+    if (const auto id = id_of(item.path())) sessions_[*id] = entry_of(item.path());
+  }
+  if (error) throw unusable(folder_, error.message());
+  const std::filesystem::path last = state_dir_ / "last-session";
+  if (std::filesystem::exists(last, error))
+    last_id_ = std::max(last_id_, std::int64_t{std::atoll(read_text_file(last).c_str())});
+  if (!sessions_.empty()) last_id_ = std::max(last_id_, sessions_.rbegin()->first);
+  is_read_ = true;
+}
+
+/// Of a file that was left in the middle, its log is taken in first.
+Store::Entry Store::entry_of(const std::filesystem::path& file) const {
+  Entry out{file, {}, {}, false, {}};
+  try {
+    std::error_code none;
+    const bool was_cut = std::filesystem::exists(log_of(file), none);
+    const SessionFile session(file,
+                              was_cut ? SessionFile::For::writing : SessionFile::For::reading);
+    if (was_cut) session.seal();
+    out.facts = session.facts();
+    out.calibrations = session.calibrations();
+    out.has_evidence = session.evidence_bytes() > 0;
+  } catch (const StoreError& error) {
+    out.problem = error.what();
   }
   return out;
 }
 
-std::optional<Store::Json> Store::first_document(Statement statement) const {
-  if (!statement.step()) return {};
-  Json document = Json::parse(statement.text(2));
-  document["id"] = statement.integer(0);
-  document["session"] = statement.integer(1);
+SessionFile& Store::current() {
+  if (!current_) throw StoreError("no session is under way");
+  return *current_;
+}
+
+/// Does `work`, which writes. Where the disk is full, the oldest evidence goes until there is room.
+template <typename Work>
+auto Store::written(const Work& work) {
+  for (;;) {
+    try {
+      return work();
+    } catch (const StoreError& error) {
+      if (!error.disk_is_full || !make_room()) throw;
+    }
+  }
+}
+
+/// Room that deleting needs, kept while there is some.
+void Store::lay_reserve() {
+  const std::filesystem::path reserve = state_dir_ / "reserve";
+  std::error_code error;
+  if (std::filesystem::exists(reserve, error)) return;
+  const int fd = open(reserve.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0640);
+  if (fd < 0) throw unusable(state_dir_, std::strerror(errno));
+  const int full = posix_fallocate(fd, 0, reserve_bytes);
+  close(fd);
+  if (full != 0) unlink(reserve.c_str());
+}
+
+/// False: there is no evidence left but that of the session under way.
+bool Store::make_room() {
+  for (auto& [id, entry] : sessions_) {
+    if (!entry.has_evidence || id == current_id_) continue;
+    entry.has_evidence = false;
+    std::error_code ignored;
+    std::filesystem::remove(state_dir_ / "reserve", ignored);
+    try {
+      const SessionFile session(entry.file, SessionFile::For::writing);
+      session.drop_evidence();
+      session.seal();
+      lay_reserve();
+      return true;
+    } catch (const StoreError&) {  // then that of the next one
+    }
+  }
+  return false;
+}
+
+std::int64_t Store::start_session(SessionFacts facts) {
+  ready();
+  facts.id = last_id_ + 1;
+  const std::filesystem::path file = folder_ / name_of(facts.id);
+  current_.reset();
+  current_.emplace(written([&] { return SessionFile::make(file, facts); }));
+  current_id_ = last_id_ = facts.id;
+  sessions_[facts.id] = {file, std::move(facts), {}, false, {}};
+  return current_id_;
+}
+
+std::optional<std::int64_t> Store::open_session() const {
+  return current_ ? std::optional(current_id_) : std::nullopt;
+}
+
+SessionFacts Store::facts() const { return sessions_.at(current_id_).facts; }
+
+void Store::stop_session(const std::string& utc) {
+  written([&] { current().set_stopped(utc); });
+  SessionFacts& facts = sessions_.at(current_id_).facts;
+  facts.state = "solving";
+  facts.stopped_utc = utc;
+}
+
+void Store::set_devices(const Json& devices) {
+  written([&] { current().set_devices(devices); });
+  sessions_.at(current_id_).facts.devices = devices;
+}
+
+void Store::add_flights(const std::vector<Track>& flights) {
+  written([&] { current().add_flights(flights); });
+}
+
+std::int64_t Store::add_calibration(StoredCalibration calibration) {
+  written([&] { calibration.number = current().add_calibration(calibration); });
+  const std::int64_t id = current_id_ * ids_per_session + calibration.number;
+  sessions_.at(current_id_).calibrations = current().calibrations();
+  return id;
+}
+
+void Store::add_evidence(const std::vector<Evidence>& evidence) {
+  if (evidence.empty()) return;
+  std::error_code error;
+  const auto free = [&] { return std::filesystem::space(folder_, error).available; };
+  while (free() < settings_.keep_free_bytes)
+    if (!make_room()) return;
+  written([&] { current().add_evidence(evidence); });
+  sessions_.at(current_id_).has_evidence = true;
+}
+
+void Store::finish_session(const std::string& state) {
+  written([&] { current().set_state(state); });
+  sessions_.at(current_id_).facts.state = state;
+  current().seal();
+  current_.reset();
+  current_id_ = 0;
+}
+
+std::optional<Store::Unsolved> Store::resume(const std::vector<std::string>& cameras) {
+  ready();
+  if (sessions_.empty() || current_) return {};
+  const auto& [id, entry] = *sessions_.rbegin();
+  if (!entry.problem.empty() || is_over(entry.facts) || entry.facts.cameras != cameras) return {};
+  current_.emplace(entry.file, SessionFile::For::writing);
+  current_id_ = id;
+  return Unsolved{id, current_->flights()};
+}
+
+std::optional<Store::Json> Store::document_of(std::int64_t session, std::int64_t number) const {
+  const Entry& entry = sessions_.at(session);
+  const auto stored = session == current_id_
+                          ? current_->calibration(number)
+                          : SessionFile(entry.file, SessionFile::For::reading).calibration(number);
+  if (!stored) return {};
+  Json document = Json::parse(stored->document, nullptr, false);
+  if (!document.is_object())
+    throw StoreError(entry.file.string() + ": calibration " + std::to_string(number) +
+                     " is no JSON object");
+  document["id"] = session * ids_per_session + number;
+  document["session"] = session;
   return document;
 }
 
 std::optional<Store::Json> Store::latest_calibration() const {
-  return first_document(database_.prepare(
-      "SELECT id, session, document FROM calibration ORDER BY session DESC LIMIT 1"));
+  for (auto each = sessions_.rbegin(); each != sessions_.rend(); ++each) {
+    const auto& [id, entry] = *each;
+    if (!entry.calibrations.empty() && entry.facts.state != "aborted")
+      return document_of(id, entry.calibrations.back().number);
+  }
+  return {};
 }
 
 std::optional<Store::Json> Store::calibration(std::int64_t id) const {
-  Statement statement =
-      database_.prepare("SELECT id, session, document FROM calibration WHERE id = ?");
-  statement.bind(id);
-  return first_document(std::move(statement));
+  if (id <= 0 || !sessions_.contains(id / ids_per_session)) return {};
+  return document_of(id / ids_per_session, id % ids_per_session);
 }
 
 Store::Json Store::calibration_list() const {
+  constexpr std::size_t longest = 1000;
   Json out = Json::array();
-  Statement rows = database_.prepare(
-      "SELECT id, session, created_utc, verdict, throws FROM calibration ORDER BY session DESC"
-      " LIMIT 1000");
-  while (rows.step())
-    out.push_back({{"id", rows.integer(0)},
-                   {"session", rows.integer(1)},
-                   {"created_utc", rows.text(2)},
-                   {"verdict", rows.text(3)},
-                   {"throws", rows.integer(4)}});
+  for (auto each = sessions_.rbegin(); each != sessions_.rend() && out.size() < longest; ++each) {
+    const auto& [id, entry] = *each;
+    if (entry.calibrations.empty() || entry.facts.state == "aborted") continue;
+    const StoredCalibration& last = entry.calibrations.back();
+    out.push_back({{"id", id * ids_per_session + last.number},
+                   {"session", id},
+                   {"created_utc", last.created_utc},
+                   {"verdict", last.verdict},
+                   {"throws", last.throws}});
+  }
   return out;
+}
+
+Store::Json Store::summary(std::int64_t id, const Entry& entry) const {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(entry.file, error);
+  Json out{{"session", id}, {"file", entry.file.filename().string()}, {"bytes", error ? 0 : bytes}};
+  if (!entry.problem.empty()) {
+    out["problem"] = entry.problem;
+    return out;
+  }
+  const SessionFacts& facts = entry.facts;
+  out["state"] = id == current_id_ || is_over(facts) ? facts.state : "interrupted";
+  out["started_utc"] = facts.started_utc;
+  out["stopped_utc"] = facts.stopped_utc.empty() ? Json(nullptr) : Json(facts.stopped_utc);
+  out["unit"] = facts.unit;
+  out["cameras"] = facts.cameras;
+  out["has_evidence"] = entry.has_evidence;
+  const bool has_result = !entry.calibrations.empty();
+  out["throws"] = has_result ? entry.calibrations.back().throws : 0;
+  out["verdict"] = has_result ? Json(entry.calibrations.back().verdict) : Json(nullptr);
+  return out;
+}
+
+Store::Json Store::session_list() const {
+  constexpr std::size_t longest = 1000;
+  Json out = Json::array();
+  for (auto each = sessions_.rbegin(); each != sessions_.rend() && out.size() < longest; ++each)
+    out.push_back(summary(each->first, each->second));
+  return out;
+}
+
+std::optional<Store::Json> Store::session(std::int64_t id) const {
+  const auto found = sessions_.find(id);
+  if (found == sessions_.end()) return {};
+  Json out = summary(id, found->second);
+  out["software"] = found->second.facts.software;
+  out["devices"] = found->second.facts.devices;
+  out["calibrations"] = Json::array();
+  for (const StoredCalibration& each : found->second.calibrations)
+    out["calibrations"].push_back({{"id", id * ids_per_session + each.number},
+                                   {"created_utc", each.created_utc},
+                                   {"verdict", each.verdict},
+                                   {"throws", each.throws},
+                                   {"flights", each.flights}});
+  return out;
+}
+
+std::optional<std::filesystem::path> Store::file_of(std::int64_t id) const {
+  const auto found = sessions_.find(id);
+  if (found == sessions_.end() || id == current_id_) return {};
+  return found->second.file;
+}
+
+void Store::delete_session(std::int64_t id) {
+  const auto file = file_of(id);
+  if (!file) throw StoreError("session " + std::to_string(id) + " is not there, or is under way");
+  try {
+    write_text_file(state_dir_ / "last-session", std::to_string(last_id_) + "\n");
+  } catch (const InputError& error) {
+    throw StoreError(error.what());
+  }
+  std::error_code error;
+  std::filesystem::remove(log_of(*file), error);
+  if (!std::filesystem::remove(*file, error))
+    throw StoreError(file->string() + ": can't be removed: " + error.message());
+  sessions_.erase(id);
 }
 
 }  // namespace throwcal

@@ -1,55 +1,96 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "estimator/observation.h"
-#include "estimator/rig_description.h"
-#include "firmware/database.h"
+#include "firmware/session_file.h"
 
 namespace throwcal {
 
-/// What the box keeps: sessions, the flights seen in them and the calibrations made of them. What a
-/// call has taken is on the disk when it returns. Throws StoreError.
+struct StoreSettings {
+  std::uint64_t keep_free_bytes = 64'000'000;  ///< of the disk; evidence makes room for it
+};
+
+/// What the box keeps: STATE_DIR/sessions, one file a session. What a call has taken is on the disk
+/// when it returns; else it throws StoreError and may be asked again. One thread.
 class Store {
  public:
   using Json = nlohmann::ordered_json;
 
-  /// Opens or makes STATE_DIR/throwcal.db (the folder too).
-  Store(const std::filesystem::path& state_dir, const RigDescription& rig);
+  /// Throws StoreError where another throwcald uses the folder. Whatever else is wrong with it is
+  /// told by ready(): a box whose disk is gone still says so.
+  explicit Store(std::filesystem::path state_dir, StoreSettings settings = {});
+  ~Store();
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
 
-  /// `devices`: what is behind the cameras, as devices_of() tells it.
-  std::int64_t start_session(const std::string& utc, const Json& devices = Json::object());
-  Json devices(std::int64_t session) const;  ///< an empty object where none were known
-  void stop_session(std::int64_t session, const std::string& utc);
-  void add_flights(std::int64_t session, const std::vector<Track>& flights);
-  /// The session's calibration so far; the one before it is replaced.
-  void put_calibration(std::int64_t session, const Json& document, int throws);
-  void finish_session(std::int64_t session);
+  /// Opens what could not be opened before. Throws StoreError: why nothing can be kept now.
+  void ready();
+
+  // The session that is under way:
+  std::int64_t start_session(SessionFacts facts);  ///< gives it the next id
+  std::optional<std::int64_t> open_session() const;
+  SessionFacts facts() const;
+  void stop_session(const std::string& utc);
+  void set_devices(const Json& devices);
+  void add_flights(const std::vector<Track>& flights);
+  /// Returns its id, which no other calibration has.
+  std::int64_t add_calibration(StoredCalibration calibration);
+  /// As far as there is room for it.
+  void add_evidence(const std::vector<Evidence>& evidence);
+  void finish_session(const std::string& state);  ///< "done" or "aborted"
 
   /// A session that was begun but whose result was never made: the box was switched off. Only the
-  /// newest, and only if the rig file still has the same cameras.
+  /// newest, and only if the rig still has the same cameras. It is under way then.
   struct Unsolved {
     std::int64_t session = 0;
     std::vector<Track> flights;
   };
-  std::optional<Unsolved> unsolved_session() const;
+  std::optional<Unsolved> resume(const std::vector<std::string>& cameras);
 
-  /// Calibration documents, with their `id` and `session`.
-  std::optional<Json> latest_calibration() const;
+  // What is there. Calibration documents have their `id` and `session`.
+  std::optional<Json> latest_calibration() const;  ///< of no session that was thrown away
   std::optional<Json> calibration(std::int64_t id) const;
   Json calibration_list() const;  ///< newest first: id, session, created_utc, verdict, throws
+  Json session_list() const;      ///< newest first
+  std::optional<Json> session(std::int64_t id) const;  ///< with its calibrations
+  /// Of a session that is over.
+  std::optional<std::filesystem::path> file_of(std::int64_t id) const;
+  void delete_session(std::int64_t id);
 
  private:
-  void make_tables();
-  void migrate();
-  std::optional<Json> first_document(Statement statement) const;
+  /// What is told of a session without opening its file again.
+  struct Entry {
+    std::filesystem::path file;
+    SessionFacts facts;
+    std::vector<StoredCalibration> calibrations;
+    bool has_evidence = false;
+    std::string problem;  ///< why it can't be read
+  };
 
-  Database database_;
-  std::vector<std::string> camera_names_;
+  void take_lock();
+  void read_folder();
+  Entry entry_of(const std::filesystem::path& file) const;
+  SessionFile& current();
+  template <typename Work>
+  auto written(const Work& work);
+  bool make_room();
+  void lay_reserve();
+  Json summary(std::int64_t id, const Entry& entry) const;
+  std::optional<Json> document_of(std::int64_t session, std::int64_t number) const;
+
+  const std::filesystem::path state_dir_, folder_;
+  const StoreSettings settings_;
+  int lock_ = -1;
+  bool is_read_ = false;
+  std::int64_t last_id_ = 0;
+  std::map<std::int64_t, Entry> sessions_;
+  std::optional<SessionFile> current_;
+  std::int64_t current_id_ = 0;
 };
 
 }  // namespace throwcal

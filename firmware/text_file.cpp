@@ -2,6 +2,7 @@
 #include "firmware/text_file.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -51,6 +52,23 @@ std::string read_text_file(const std::filesystem::path& file) {
     if (count == 0) return text;
     text.append(block, static_cast<std::size_t>(count));
   }
+}
+
+FilePart read_file_part(const std::filesystem::path& file, std::int64_t offset, std::size_t count) {
+  const Descriptor in(open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (in.fd < 0) fail(file, "can't be opened", errno);
+  struct stat facts {};
+  if (fstat(in.fd, &facts) != 0) fail(file, "can't be read", errno);
+  if (offset < 0 || offset > facts.st_size)
+    throw InputError(file.string() + ": offset " + std::to_string(offset) + " is not within its " +
+                     std::to_string(facts.st_size) + " bytes");
+  FilePart out{facts.st_size, std::string(count, '\0')};
+  ssize_t got = 0;
+  do got = pread(in.fd, out.bytes.data(), count, offset);
+  while (got < 0 && errno == EINTR);
+  if (got < 0) fail(file, "can't be read", errno);
+  out.bytes.resize(static_cast<std::size_t>(got));
+  return out;
 }
 
 void write_text_file(const std::filesystem::path& file, std::string_view text, unsigned mode) {

@@ -25,6 +25,10 @@ std::vector<Track> ThrowSearch::add(const FrameSightings& frame) {
   return keep(finders_.at(frame.camera).add(frame));
 }
 
+bool ThrowSearch::is_following() const {
+  return std::ranges::any_of(finders_, &FlightFinder::is_following);
+}
+
 std::vector<Track> ThrowSearch::finish() {
   std::vector<Track> open;
   for (FlightFinder& finder : finders_)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdio>
 
 #include "firmware/cameras.h"
 #include "firmware/daemon.h"
@@ -33,13 +34,20 @@ int main(int argc, char** argv) {
   CLI::App app("throwcald: watches thrown balls and calibrates the cameras.", "throwcald");
   std::string config_file, listen, state, port_file;
   app.set_version_flag("--version", "throwcal " THROWCAL_VERSION);
-  app.add_option("--config", config_file, "The rig file (TOML)")->required();
+  app.add_option("--config", config_file, "The rig file (TOML)");
+  bool show_states = false;
+  app.add_flag("--states", show_states, "Print what every event does in every state, and leave");
   app.add_option("--listen", listen, "ADDRESS:PORT, in place of the rig file's; port 0: any");
   app.add_option("--state-dir", state, "Where sessions and calibrations are kept");
   app.add_option("--port-file", port_file, "A file that gets the port once it is open");
   prepare_signals();
   try {
     app.parse(argc, argv);
+    if (show_states) {
+      std::fputs(session_table().c_str(), stdout);
+      return 0;
+    }
+    if (config_file.empty()) throw InputError("--config is missing: expected the rig file");
     Config config = read_config(config_file);
     assume_detector_errors(config.rig);
     for (const std::string& warning : config.warnings) log_warning(warning);

@@ -142,6 +142,7 @@ TEST(Rig, FreezesACamerasLastFramesByReference) {
   while (const auto frame = rig.next({}))
     if (frame->camera == 1) seen.push_back(frame->time);
   ASSERT_GE(seen.size(), 4u);
+  EXPECT_EQ(rig.newest(1)->frame().row0_mid_exposure, seen.back());
   const std::vector<FrameLease> last = rig.freeze(1, seen[seen.size() - 3]);
   ASSERT_EQ(last.size(), 3u);
   for (std::size_t i = 0; i < last.size(); ++i) {

@@ -39,7 +39,7 @@ News wait_for(NewsBox& box) {
 
 /// The flights of a session that begins and ends now.
 std::size_t flights_of_a_session(EstimatorThread& estimator, NewsBox& box) {
-  estimator.begin_session();
+  estimator.begin_session(1);
   estimator.finish_session();
   std::size_t flights = 0;
   for (;;) {

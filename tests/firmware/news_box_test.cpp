@@ -59,5 +59,21 @@ TEST(NewsBox, CountsFlightsBeyondItsLimit) {
   EXPECT_EQ(news.flights_dropped, 4u);
 }
 
+TEST(NewsBox, ForgetsWhatWaitsOfASessionThatAnotherFollowed) {
+  NewsBox box;
+  News first = flights_of(0, 2), second = flights_of(1, 1), ended;
+  first.session = 1;
+  second.session = 2;
+  ended.cameras_ended = true;
+  box.post(first);
+  box.post(ended);
+  box.post(second);
+  const News news = box.take();
+  EXPECT_EQ(news.session, 2);
+  ASSERT_EQ(news.flights.size(), 1u);
+  EXPECT_EQ(news.flights[0].camera, 1u);
+  EXPECT_TRUE(news.cameras_ended);
+}
+
 }  // namespace
 }  // namespace throwcal

@@ -14,21 +14,34 @@ class StoreTest : public testing::Test {
   StoreTest() {
     std::string name = testing::TempDir() + "throwcal-store-XXXXXX";
     folder_ = mkdtemp(name.data());
-    rig_.cameras.resize(2);
-    rig_.cameras[0].name = "north";
-    rig_.cameras[1].name = "east";
   }
   ~StoreTest() override { std::filesystem::remove_all(folder_); }
 
-  Store open() const { return {folder_, rig_}; }
+  /// A session with a calibration of that verdict; over where `state` says so.
+  std::int64_t add_session(Store& store, const std::string& verdict, const std::string& state) {
+    const std::int64_t id = store.start_session(facts());
+    if (!verdict.empty()) store.add_calibration(calibration(verdict));
+    if (!state.empty()) store.finish_session(state);
+    return id;
+  }
+
+  static SessionFacts facts() {
+    return {.unit = "box",
+            .software = "throwcal 0",
+            .started_utc = "2026-01-31T11:00:00Z",
+            .rig_toml = "# the rig\n",
+            .cameras = {"north", "east"},
+            .devices = {{"north", {{"serial", "0815"}}}}};
+  }
+
+  static StoredCalibration calibration(const std::string& verdict) {
+    return {0, "2026-01-31T12:00:00Z", verdict, 2, 4, R"({"verdict":")" + verdict + R"("})"};
+  }
+
+  std::filesystem::path file(const char* name) const { return folder_ / "sessions" / name; }
 
   std::filesystem::path folder_;
-  RigDescription rig_;
 };
-
-Store::Json document(const std::string& verdict) {
-  return {{"created_utc", "2026-01-31T12:00:00Z"}, {"verdict", verdict}};
-}
 
 Track flight() {
   BallSighting s;
@@ -36,11 +49,24 @@ Track flight() {
   s.time = HostTime(HostClock::duration(1'767'225'600'123'456'789));
   s.center_px = {1.1, 2.2};
   s.cov_px2 << 0.1, 0.02, 0.02, 0.3;
-  s.id = 42;
+  s.id = (std::uint64_t{1} << 40) + 42;
   BallSighting later = s;
   later.time += std::chrono::nanoseconds(1);
   later.radius_px = 3.3;
-  return {1, {s, later}};
+  later.is_partial = true;
+  return {1, {s, later}, true, false};
+}
+
+Evidence picture(std::int64_t of_flight, int side) {
+  return {1,
+          HostTime(HostClock::duration(7)),
+          of_flight,
+          3,
+          4,
+          side,
+          side,
+          2,
+          std::string(static_cast<std::size_t>(side) * side, '\x80')};
 }
 
 std::string error_of(const std::function<void()>& work) {
@@ -52,127 +78,329 @@ std::string error_of(const std::function<void()>& work) {
   return "no error";
 }
 
+void expect_same(const Track& a, const Track& b) {
+  EXPECT_EQ(a.camera, b.camera);
+  EXPECT_EQ(a.begins_clear, b.begins_clear);
+  EXPECT_EQ(a.ends_clear, b.ends_clear);
+  ASSERT_EQ(a.sightings.size(), b.sightings.size());
+  for (std::size_t i = 0; i < a.sightings.size(); ++i) {
+    const BallSighting &x = a.sightings[i], &y = b.sightings[i];
+    EXPECT_EQ(x.camera, y.camera);
+    EXPECT_EQ(x.time, y.time);
+    EXPECT_EQ(x.center_px, y.center_px);
+    EXPECT_EQ(x.cov_px2, y.cov_px2);
+    EXPECT_EQ(x.radius_px, y.radius_px);
+    EXPECT_EQ(x.id, y.id);
+    EXPECT_EQ(x.is_partial, y.is_partial);
+  }
+}
+
 TEST_F(StoreTest, IsEmptyAtFirst) {
-  const Store store = open();
+  Store store(folder_);
+  store.ready();
   EXPECT_FALSE(store.latest_calibration());
-  EXPECT_FALSE(store.calibration(1));
+  EXPECT_FALSE(store.calibration(10'001));
   EXPECT_TRUE(store.calibration_list().empty());
-  EXPECT_FALSE(store.unsolved_session());
+  EXPECT_TRUE(store.session_list().empty());
+  EXPECT_FALSE(store.resume({"north", "east"}));
 }
 
 TEST_F(StoreTest, CalibrationsSurviveARestartWithTheirIds) {
-  std::int64_t first = 0, second = 0;
+  std::int64_t first = 0, second = 0, first_calibration = 0;
   {
-    Store store = open();
-    first = store.start_session("2026-01-31T11:00:00Z");
-    store.put_calibration(first, document("needs-more-throws"), 1);
-    store.put_calibration(first, document("accepted"), 2);
-    store.finish_session(first);
-    second = store.start_session("2026-01-31T12:00:00Z");
-    store.put_calibration(second, document("rejected"), 3);
+    Store store(folder_);
+    first = add_session(store, "needs-more-throws", "");
+    first_calibration = store.add_calibration(calibration("accepted"));
+    store.finish_session("done");
+    second = add_session(store, "rejected", "");
   }
-  const Store store = open();
+  Store store(folder_);
+  store.ready();
   const auto list = store.calibration_list();
   ASSERT_EQ(list.size(), 2u);  // one a session: the newest of each
   EXPECT_EQ(list[0]["session"], second);
   EXPECT_EQ(list[1]["throws"], 2);
+  EXPECT_EQ(list[1]["id"], first_calibration);
   EXPECT_EQ(store.latest_calibration()->at("verdict"), "rejected");
-  EXPECT_EQ(store.calibration(list[1]["id"])->at("verdict"), "accepted");
-  EXPECT_EQ(store.calibration(list[1]["id"])->at("session"), first);
+  EXPECT_EQ(store.calibration(first_calibration)->at("verdict"), "accepted");
+  EXPECT_EQ(store.calibration(first_calibration)->at("session"), first);
+  EXPECT_EQ(store.calibration(first_calibration - 1)->at("verdict"), "needs-more-throws");
+  EXPECT_FALSE(store.calibration(first_calibration + 1));
+  EXPECT_FALSE(store.calibration(-1));
+}
+
+TEST_F(StoreTest, OfASessionThatWasThrownAwayNoCalibrationIsTheLatest) {
+  Store store(folder_);
+  add_session(store, "accepted", "done");
+  const std::int64_t away = add_session(store, "rejected", "aborted");
+  EXPECT_EQ(store.latest_calibration()->at("verdict"), "accepted");
+  EXPECT_EQ(store.calibration_list().size(), 1u);
+  EXPECT_EQ(store.session(away)->at("state"), "aborted");
+  EXPECT_EQ(store.session(away)->at("calibrations").size(), 1u);
 }
 
 TEST_F(StoreTest, AnInterruptedSessionComesBackWithAllItsFlights) {
   std::int64_t id = 0;
   {
-    Store store = open();
-    id = store.start_session("");
-    store.add_flights(id, {flight()});
-    store.stop_session(id, "");
+    Store store(folder_);
+    id = store.start_session(facts());
+    store.add_flights({flight()});
+    store.stop_session("2026-01-31T12:00:00Z");
+    store.add_flights({flight()});
   }
-  Store store = open();
-  const auto unsolved = store.unsolved_session();
-  ASSERT_TRUE(unsolved);
-  EXPECT_EQ(unsolved->session, id);
-  ASSERT_EQ(unsolved->flights.size(), 1u);
-  const Track& back = unsolved->flights[0];
-  EXPECT_EQ(back.camera, 1u);
-  ASSERT_EQ(back.sightings.size(), 2u);
-  const Track expected = flight();
-  EXPECT_EQ(back.sightings[0].time, expected.sightings[0].time);
-  EXPECT_EQ(back.sightings[0].center_px, expected.sightings[0].center_px);
-  EXPECT_EQ(back.sightings[0].cov_px2, expected.sightings[0].cov_px2);
-  EXPECT_FALSE(back.sightings[0].radius_px);
-  EXPECT_EQ(back.sightings[1].radius_px, 3.3);
-  EXPECT_EQ(back.sightings[1].id, 42u);
-  store.finish_session(id);
-  EXPECT_FALSE(store.unsolved_session());
+  {
+    Store store(folder_);
+    const auto unsolved = store.resume({"north", "east"});
+    ASSERT_TRUE(unsolved);
+    EXPECT_EQ(unsolved->session, id);
+    ASSERT_EQ(unsolved->flights.size(), 2u);
+    expect_same(unsolved->flights[0], flight());
+    EXPECT_EQ(store.facts().stopped_utc, "2026-01-31T12:00:00Z");
+    store.finish_session("done");
+    EXPECT_FALSE(store.resume({"north", "east"}));
+  }
+  EXPECT_FALSE(Store(folder_).resume({"north", "east"}));
 }
 
 TEST_F(StoreTest, AnInterruptedSessionOfOtherCamerasIsLeftAlone) {
-  { open().start_session(""); }
-  rig_.cameras[0].name = "south";
-  EXPECT_FALSE(open().unsolved_session());
+  { Store(folder_).start_session(facts()); }
+  Store store(folder_);
+  EXPECT_FALSE(store.resume({"south", "east"}));
+  EXPECT_EQ(store.session_list()[0]["state"], "interrupted");
 }
 
-TEST_F(StoreTest, ADamagedFileIsNamedWithWhatToDo) {
-  std::ofstream(folder_ / "throwcal.db") << std::string(4096, 'x');
-  EXPECT_EQ(
-      error_of([&] { open(); }),
-      (folder_ / "throwcal.db").string() +
-          ": file is not a database; the file is damaged: move it away, a new one will be made");
+TEST_F(StoreTest, KeepsWhatASessionWasMadeWith) {
+  std::int64_t id = 0;
+  {
+    Store store(folder_);
+    id = add_session(store, "", "done");
+  }
+  Store store(folder_);
+  store.ready();
+  const SessionFacts back = SessionFile(*store.file_of(id), SessionFile::For::reading).facts();
+  EXPECT_EQ(back.id, id);
+  EXPECT_EQ(back.rig_toml, facts().rig_toml);
+  EXPECT_EQ(back.cameras, facts().cameras);
+  EXPECT_EQ(back.devices, facts().devices);
+  EXPECT_EQ(back.software, "throwcal 0");
+  EXPECT_EQ(store.session(id)->at("unit"), "box");
+}
+
+TEST_F(StoreTest, EvidenceComesBackAndGoesFirst) {
+  Store store(folder_);
+  const std::int64_t id = store.start_session(facts());
+  store.add_flights({flight()});
+  std::vector<Evidence> many(1000, picture(1, 40));
+  store.add_evidence(many);
+  store.add_calibration(calibration("accepted"));
+  store.finish_session("done");
+  const std::filesystem::path path = *store.file_of(id);
+  const auto before = std::filesystem::file_size(path);
+  {
+    const SessionFile session(path, SessionFile::For::writing);
+    std::size_t count = 0;
+    session.each_evidence([&](const Evidence& e) {
+      EXPECT_EQ(e.pixels, many[0].pixels);
+      EXPECT_EQ(e.step_px, 2);
+      EXPECT_EQ(e.flight, 1);
+      ++count;
+    });
+    EXPECT_EQ(count, many.size());
+    EXPECT_EQ(session.evidence_bytes(), 1600 * 1000);
+    session.drop_evidence();
+    session.seal();
+  }
+  EXPECT_LT(std::filesystem::file_size(path), before / 10);
+  EXPECT_TRUE(store.latest_calibration());
+  EXPECT_EQ(SessionFile(path, SessionFile::For::reading).flights().size(), 1u);
+}
+
+TEST_F(StoreTest, EvidenceThatThereIsNoRoomForMakesRoomOldestFirst) {
+  const auto free = std::filesystem::space(folder_).available;
+  std::vector<std::int64_t> ids;
+  {
+    Store roomy(folder_);
+    for (int i = 0; i < 3; ++i) {
+      ids.push_back(add_session(roomy, "accepted", ""));
+      roomy.add_evidence({picture(1, 40)});
+      roomy.finish_session("done");
+    }
+  }
+  Store full(folder_, {.keep_free_bytes = 2 * free});  // as if the disk were full
+  full.start_session(facts());
+  full.add_evidence({picture(1, 40)});
+  for (const std::int64_t id : ids) {
+    EXPECT_FALSE(full.session(id)->at("has_evidence"));
+    EXPECT_EQ(full.session(id)->at("verdict"), "accepted");
+  }
+  EXPECT_FALSE(full.session(*full.open_session())->at("has_evidence"));
+}
+
+TEST_F(StoreTest, KeepsTheLastCalibrationsOfASession) {
+  Store store(folder_);
+  const std::int64_t id = store.start_session(facts());
+  std::int64_t last = 0;
+  for (int i = 0; i < 25; ++i) last = store.add_calibration(calibration("accepted"));
+  EXPECT_EQ(store.session(id)->at("calibrations").size(), 20u);
+  EXPECT_EQ(store.latest_calibration()->at("id"), last);
+  EXPECT_EQ(last, id * 10'000 + 25);
+}
+
+TEST_F(StoreTest, ANumberIsNeverGivenTwice) {
+  std::int64_t id = 0;
+  {
+    Store store(folder_);
+    id = add_session(store, "accepted", "done");
+    store.delete_session(id);
+    EXPECT_FALSE(store.session(id));
+    EXPECT_FALSE(store.latest_calibration());
+  }
+  Store store(folder_);
+  EXPECT_EQ(store.start_session(facts()), id + 1);
+  EXPECT_NE(error_of([&] { store.delete_session(id + 1); }).find("under way"), std::string::npos);
+  EXPECT_NE(error_of([&] { store.delete_session(99); }).find("not there"), std::string::npos);
+}
+
+TEST_F(StoreTest, ADamagedFileIsToldAndTheOthersServe) {
+  {
+    Store store(folder_);
+    add_session(store, "accepted", "done");
+    add_session(store, "rejected", "done");
+  }
+  std::ofstream(file("000002.throwcal")) << std::string(4096, 'x');
+  Store store(folder_);
+  store.ready();
+  EXPECT_EQ(store.session(2)->at("problem"),
+            file("000002.throwcal").string() +
+                ": file is not a database; the file is damaged, or not one of throwcal's");
+  EXPECT_EQ(store.latest_calibration()->at("verdict"), "accepted");
+  EXPECT_EQ(store.start_session(facts()), 3);
+}
+
+TEST_F(StoreTest, ADamagedCalibrationIsNotGivenOut) {
+  std::int64_t id = 0;
+  {
+    Store store(folder_);
+    add_session(store, "accepted", "");
+    id = store.latest_calibration()->at("id");
+    store.finish_session("done");
+  }
+  {
+    const Database database(file("000001.throwcal"), Database::Mode::write);
+    database.execute("UPDATE calibration SET document = replace(document, 'accepted', 'rejected')");
+  }
+  Store store(folder_);
+  store.ready();
+  EXPECT_NE(error_of([&] { store.calibration(id); }).find("is damaged"), std::string::npos);
 }
 
 TEST_F(StoreTest, ASecondDaemonIsToldThatItIsTheSecond) {
-  const Store first = open();
-  EXPECT_EQ(error_of([&] { open(); }), (folder_ / "throwcal.db").string() +
-                                           ": database is locked; is another throwcald using it?");
+  const Store first(folder_);
+  EXPECT_EQ(error_of([&] { Store second(folder_); }),
+            folder_.string() + ": another throwcald is using it");
 }
 
-TEST_F(StoreTest, AFolderThatCannotBeIsNamed) {
+TEST_F(StoreTest, AFolderThatCannotBeIsToldUntilItCan) {
   std::ofstream(folder_ / "file") << "x";
   const std::filesystem::path impossible = folder_ / "file" / "state";
-  EXPECT_EQ(error_of([&] { Store(impossible, rig_); }),
-            impossible.string() + ": can't be made: Not a directory");
+  Store store(impossible);
+  EXPECT_EQ(error_of([&] { store.ready(); }),
+            impossible.string() +
+                ": can't be used: Not a directory; expected a folder that this user may write to");
+  EXPECT_NE(error_of([&] { store.start_session(facts()); }), "no error");
+  EXPECT_TRUE(store.session_list().empty());
+  std::filesystem::remove(folder_ / "file");
+  store.ready();
+  EXPECT_EQ(store.start_session(facts()), 1);
 }
 
-TEST_F(StoreTest, RemembersWhichDevicesASessionSaw) {
-  const Store::Json devices{{"north", {{"serial", "0815"}}}};
-  std::int64_t known = 0, unknown = 0;
-  {
-    Store store = open();
-    known = store.start_session("2026-01-31T11:00:00Z", devices);
-    unknown = store.start_session("2026-01-31T12:00:00Z");
-  }
-  const Store store = open();
-  EXPECT_EQ(store.devices(known), devices);
-  EXPECT_EQ(store.devices(unknown), Store::Json::object());
+TEST_F(StoreTest, ADraftOfAFileThatWasNeverWholeGoes) {
+  { Store(folder_).ready(); }
+  std::ofstream(file("000001.throwcal.new")) << "half a file";
+  Store store(folder_);
+  store.ready();
+  EXPECT_FALSE(std::filesystem::exists(file("000001.throwcal.new")));
+  EXPECT_EQ(store.start_session(facts()), 1);
 }
 
-TEST_F(StoreTest, AFileOfVersionOneIsTakenOver) {
-  std::int64_t id = 0;
-  {
-    Store store = open();
-    id = store.start_session("2026-01-31T11:00:00Z");
-    store.put_calibration(id, document("accepted"), 2);
+// --- a file that somebody sends us --------------------------------------------------------------
+
+class ForeignSession : public StoreTest {
+ protected:
+  /// What reading everything says of a good file after `sql`.
+  std::string read_after(const std::string& sql) const {
+    const std::filesystem::path path = folder_ / "foreign.throwcal";
+    std::filesystem::remove(path);
+    {
+      const SessionFile made = SessionFile::make(path, facts());
+      made.add_flights({flight()});
+      made.add_calibration(calibration("accepted"));
+      made.add_evidence({picture(1, 4)});
+      made.seal();
+    }
+    {
+      const Database database(path, Database::Mode::write);
+      database.execute(sql);
+      database.seal();
+    }
+    const std::string error = error_of([&] {
+      const SessionFile session(path, SessionFile::For::reading);
+      (void)session.facts();
+      (void)session.flights();
+      (void)session.last_calibration();
+      session.each_evidence([](const Evidence&) {});
+    });
+    const std::string prefix = path.string() + ": ";
+    return error.starts_with(prefix) ? error.substr(prefix.size()) : error;
   }
-  {
-    const Database database(folder_ / "throwcal.db");
-    database.execute("ALTER TABLE session DROP COLUMN devices");
-    database.execute("PRAGMA user_version=1");
-  }
-  Store store = open();
-  EXPECT_EQ(store.latest_calibration()->at("verdict"), "accepted");
-  EXPECT_EQ(store.devices(id), Store::Json::object());
-  EXPECT_GT(store.start_session("2026-01-31T12:00:00Z"), id);
+};
+
+TEST_F(ForeignSession, IsReadWhereItIsOneOfOurs) { EXPECT_EQ(read_after(""), "no error"); }
+
+TEST_F(ForeignSession, OfAnotherVersionOrApplicationIsRefused) {
+  EXPECT_EQ(read_after("PRAGMA user_version=99"),
+            "is of version 99; expected version 1: it was written by a newer throwcal");
+  EXPECT_EQ(read_after("PRAGMA application_id=7"),
+            "is not a session of throwcal's (another application's file)");
 }
 
-TEST_F(StoreTest, AFileOfANewerVersionIsNotTouched) {
-  {
-    const Database database(folder_ / "throwcal.db");
-    database.execute("PRAGMA user_version=99");
-  }
-  EXPECT_EQ(error_of([&] { open(); }),
-            "throwcal.db is of version 99; expected version 2: it was written by a newer throwcal");
+TEST_F(ForeignSession, WithTablesOfItsOwnIsRefused) {
+  const std::string refusal = "holds other tables than a session of throwcal's";
+  EXPECT_EQ(read_after("CREATE TABLE more(x)"), refusal);
+  EXPECT_EQ(read_after("CREATE VIEW v AS SELECT 1"), refusal);
+  EXPECT_EQ(read_after("CREATE TRIGGER t AFTER INSERT ON flight BEGIN DELETE FROM sighting; END"),
+            refusal);
+  EXPECT_EQ(read_after("DROP TABLE flight"), refusal);
+}
+
+TEST_F(ForeignSession, WithValuesThatCannotBeIsRefused) {
+  const std::string no_sighting = "a sighting of camera 2 can't be one";
+  EXPECT_EQ(read_after("UPDATE sighting SET u_px = 9e999"), no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET v_px = -1e6"), no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET cov_uu_px2 = -1"), no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET cov_uv_px2 = 5"), no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET radius_px = -3"), no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET time_ns = 9223372036854775807 WHERE radius_px"),
+            no_sighting);
+  EXPECT_EQ(read_after("UPDATE sighting SET time_ns = time_ns + 30000000000 WHERE radius_px"),
+            "flight 1: it lasts longer than 20 s");
+  EXPECT_EQ(read_after("UPDATE flight SET camera = 2"), "flight 1: there is no camera 2");
+  EXPECT_EQ(read_after("UPDATE flight SET camera = -1"), "flight 1: there is no camera -1");
+  EXPECT_EQ(read_after("DELETE FROM sighting"), "flight 1: it has no sightings");
+  EXPECT_EQ(read_after("DELETE FROM session"), "holds no session");
+  EXPECT_EQ(read_after("UPDATE session SET cameras = '[1]'"),
+            "session: cameras must be a list of names");
+  EXPECT_EQ(read_after("UPDATE session SET devices = 'x'"), "session: devices must be an object");
+  EXPECT_EQ(read_after("UPDATE evidence SET width = 5"),
+            "evidence 1: its size is not that of its pixels");
+  EXPECT_EQ(read_after("UPDATE evidence SET height = -4, width = -4"),
+            "evidence 1: its size is not that of its pixels");
+}
+
+TEST_F(ForeignSession, ThatIsNotThereIsNamed) {
+  EXPECT_EQ(error_of([&] { SessionFile(folder_ / "none", SessionFile::For::reading); }),
+            (folder_ / "none").string() +
+                ": unable to open database file; expected a folder that this user may write to");
 }
 
 }  // namespace

@@ -20,7 +20,8 @@ def throws_are_captured_and_the_calibration_is_kept(the_box) -> dict:
         assert client.answer("capture.start")["error"]["code"] == -32001
         client.may_change(the_box.token)
         assert client.answer("capture.stop")["error"]["code"] == -32000
-        started = client.call("capture.start")
+        assert client.answer("capture.start", {"until": "later"})["error"]["code"] == -32602
+        started = client.call("capture.start", {"until": "stopped"})
         assert started["state"] in ("warming-up", "capturing"), started
         assert "already" in client.answer("capture.start")["error"]["message"]
         box.until(lambda: client.call("status.get")["throws"] >= 3, "three throws found")
@@ -69,7 +70,7 @@ def story(build, folder) -> None:
         with box.Client(the_box.port) as client:
             client.line()
             assert client.answer("capture.start")["error"]["code"] == -32001, "each connection shows the token anew"
-            second = client.may_change(the_box.token).call("capture.start")["session"]
+            second = client.may_change(the_box.token).call("capture.start", {"until": "stopped"})["session"]
             box.until(lambda: client.call("status.get")["throws"] >= 2, "two throws found")
             client.call("capture.stop")
         the_box.stop()  # at once: the result is still being made, or just so

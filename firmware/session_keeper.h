@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "capture/rig.h"
+#include "firmware/journal.h"
+#include "firmware/news_box.h"
+#include "firmware/session.h"
+#include "firmware/store.h"
+
+namespace throwcal {
+
+/// What the estimator finds is stored first and told afterwards: the session knows of nothing that
+/// a power cut could take back. What can't be stored now waits, in order, and is tried again.
+class SessionKeeper {
+ public:
+  /// Borrows all for its life.
+  SessionKeeper(Session& session, Store& store, Rig& rig, bool keep_evidence);
+
+  /// A new session; why not, where it can't be.
+  [[nodiscard]] std::optional<std::string> begin(SessionFacts facts, const SessionGoal& goal);
+  /// No more throws.
+  void stop(const std::string& utc);
+  [[nodiscard]] std::optional<std::string> abort();
+  /// The flights of a session that was interrupted by a restart, to be solved.
+  std::optional<std::vector<Track>> resume(const std::vector<std::string>& cameras,
+                                           const std::string& utc);
+
+  void take(News news);
+  /// Stores what waits. Call now and then.
+  void catch_up();
+  /// Why nothing can be kept now.
+  const std::optional<std::string>& fault() const { return fault_; }
+  /// Counts calibrations stored, so that one may know whether there is a new one.
+  std::uint64_t calibrations() const { return calibrations_; }
+
+ private:
+  template <typename Work>
+  bool stored(const Work& work);
+  void store_and_tell(News& news);
+  void store_calibration(const News& news);
+  void gather_backgrounds();
+  void gather_evidence(const std::vector<Track>& flights);
+  void store_evidence();
+  SessionFacts::Json devices_now() const;
+
+  Session& session_;
+  Store& store_;
+  Rig& rig_;
+  const bool keep_evidence_;
+  LogOnce once_;
+  std::deque<News> waiting_;
+  std::vector<Evidence> evidence_;  ///< waits until everything else is stored
+  std::int64_t flights_stored_ = 0;
+  std::uint64_t calibrations_ = 0;
+  std::optional<std::int64_t> began_here_;  ///< the session that began in this process
+  std::optional<std::string> stopped_utc_;  ///< to be stored
+  std::optional<std::string> fault_;
+};
+
+}  // namespace throwcal
