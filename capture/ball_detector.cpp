@@ -184,6 +184,7 @@ std::optional<BallSighting> BallDetector::State::sighting_of(const SeenBall& see
   out.center_px = ball.centre_px - outline->offset_px;
   out.is_partial = seen.is_partial;
   out.cov_px2 = seen.ball.cov_centre_px2 + sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+  out.cov_px2(0, 1) = out.cov_px2(1, 0);  // to the last bit: what is stored of it is a triangle
   out.id = (static_cast<std::uint64_t>(found.camera) << 40) + count++;
   return out;
 }

@@ -3,8 +3,7 @@
 
 #include <cstdio>
 
-#include "firmware/access.h"
-#include "firmware/box_client.h"
+#include "firmware/box_options.h"
 #include "firmware/calibration_table.h"
 #include "firmware/commands.h"
 #include "firmware/export.h"
@@ -16,28 +15,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-
-/// Where the token of a box on this machine is.
-constexpr const char* own_token_file = "/var/lib/throwcal/token";
-
-struct BoxOptions {
-  std::string host = "127.0.0.1:7710", token;
-  bool json = false;
-
-  BoxClient connect() const {
-    const auto address = parse_address(host, 7710);
-    if (!address) throw InputError("--host " + host + ": expected HOST or HOST:PORT");
-    return BoxClient(*address);
-  }
-
-  /// For what changes something. Without a token the box may still let us: somebody has pressed its
-  /// button.
-  void authenticate(BoxClient& box) const {
-    std::string shown = token;
-    if (shown.empty() && access(own_token_file, R_OK) == 0) shown = token_in(own_token_file);
-    if (!shown.empty()) box.call("auth", {{"token", shown}});
-  }
-};
 
 std::string text_or(const Json& object, const char* key, const std::string& otherwise) {
   return object.contains(key) && object[key].is_string() ? object[key].get<std::string>()
@@ -245,19 +222,12 @@ CLI::App* add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions
 
 void add_box_commands(CLI::App& app, int& status) {
   auto box = std::make_shared<BoxOptions>();
-  const auto with_box = [&](CLI::App* command) {
-    command->add_option("--host", box->host, "The box: HOST or HOST:PORT")->capture_default_str();
-    command->add_flag("--json", box->json, "Print JSON for scripts");
-  };
+  const auto with_box = [&](CLI::App* command) { box->add_to(*command); };
   with_box(add_status(app, status, box));
   CLI::App* capture = add_capture(app, status, box);
   for (CLI::App* command : capture->get_subcommands({})) {
     with_box(command);
-    command
-        ->add_option("--token", box->token,
-                     std::string("What the box's file `token` holds; default: ") + own_token_file +
-                         ", where it is readable")
-        ->envname("THROWCAL_TOKEN");
+    box->add_token_to(*command);
   }
   with_box(add_fetch(app, status, box));
   with_box(add_watch(app, status, box));

@@ -12,6 +12,7 @@
 #include "firmware/export.h"
 #include "firmware/input_error.h"
 #include "firmware/progress_bar.h"
+#include "firmware/session_replay.h"
 #include "firmware/sightings_check.h"
 #include "firmware/sightings_file.h"
 #include "firmware/text_file.h"
@@ -22,7 +23,7 @@ namespace throwcal {
 namespace {
 
 struct CalibrateOptions {
-  std::string rig, sightings, output, method = "full", guess, residuals;
+  std::string rig, sightings, session, output, method = "full", guess, residuals;
   std::vector<std::string> videos;  ///< "name=path" each
   int throw_iterations = CalibrateSettings{}.throw_iterations;
   bool json = false;
@@ -127,25 +128,48 @@ int run(const CalibrateOptions& options) {
   return result.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;
 }
 
+/// What a box did, once more: the same session, the same bits.
+int run_session(const CalibrateOptions& options) {
+  for (const std::string* other : {&options.rig, &options.guess, &options.residuals})
+    if (!other->empty())
+      throw InputError("calibrate --session: " + *other +
+                       ": expected no --rig, --guess or --residuals, the session has its own");
+  const SessionReplay replay(options.session);
+  const Json document = replay.calibrate_again();
+  if (!options.output.empty()) write_text_file(options.output, document.dump(2) + "\n");
+  const Calibration result = to_calibration(document, options.session);
+  std::fputs(options.json ? (document.dump(2) + "\n").c_str() : calibration_table(result).c_str(),
+             stdout);
+  std::fprintf(stderr, "throwcal: %s\n", replay.comparison(document).c_str());
+  return result.verdict == Verdict::accepted ? exit_accepted : exit_not_accepted;
+}
+
 constexpr const char* footer = R"(Examples:
   throwcal calibrate --rig rig.toml --sightings sightings.csv --output calibration.json
   throwcal calibrate --rig rig.toml --video north=north.mkv --video east=east.mkv --output calibration.json
+  throwcal calibrate --session 000007.throwcal --output calibration.json
 Sightings: a CSV file with the header camera,time_s,u_px,v_px[,radius_px][,throw]. Rows that have no throw
 label may hold anything ball-like; the flights in them are found.
 Videos: frame times come from NAME.timestamps.txt beside NAME.mkv (timestamp format v2), else from the file.
+A session is what the box saw and with which rig file: what is made of it again says whether it is the box's own, bit for bit.
 Exit status: 0 accepted; 3 a result was written but its verdict is not accepted; 2 the input is unusable.)";
 
 }  // namespace
 
 void add_calibrate_command(CLI::App& app, int& status) {
-  auto* command = app.add_subcommand("calibrate", "Calibrate a rig from sightings or videos");
+  auto* command =
+      app.add_subcommand("calibrate", "Calibrate a rig from sightings, videos or a box's session");
   auto options = std::make_shared<CalibrateOptions>();
   command->footer(footer);
-  command->add_option("--rig", options->rig, "The rig file (TOML)")->required();
+  command->add_option("--rig", options->rig, "The rig file (TOML)");
   auto* sightings = command->add_option("--sightings", options->sightings, "The sightings (CSV)");
   auto* videos = command->add_option("--video", options->videos,
                                      "NAME=PATH: what a camera saw; once a camera");
+  auto* session =
+      command->add_option("--session", options->session,
+                          "A box's session, of throwcal export: its calibration, made again");
   sightings->excludes(videos);
+  session->excludes(videos, sightings);
   command->add_option("--output", options->output, "Where the calibration goes (JSON)");
   command->add_option("--method", options->method, "full, rb-ekf, r-ekf or ekf")
       ->check(CLI::IsMember({"full", "rb-ekf", "r-ekf", "ekf"}))
@@ -159,8 +183,13 @@ void add_calibrate_command(CLI::App& app, int& status) {
                       "Where every sighting's residual goes (CSV)");
   command->add_flag("--json", options->json, "Print the calibration in place of the table");
   command->callback([options, &status] {
+    if (!options->session.empty()) {
+      status = run_session(*options);
+      return;
+    }
+    if (options->rig.empty()) throw InputError("calibrate: expected --rig FILE");
     if (options->sightings.empty() && options->videos.empty())
-      throw InputError("calibrate: expected --sightings FILE or --video NAME=PATH");
+      throw InputError("calibrate: expected --sightings FILE, --video NAME=PATH or --session FILE");
     status = run(*options);
   });
 }

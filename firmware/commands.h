@@ -19,6 +19,7 @@ void add_cameras_command(CLI::App& app, int& status);
 void add_detect_command(CLI::App& app, int& status);
 void add_picture_command(CLI::App& app, int& status);
 void add_record_commands(CLI::App& app, int& status);
+void add_session_commands(CLI::App& app, int& status);
 void add_simulate_command(CLI::App& app, int& status);
 void add_box_commands(CLI::App& app, int& status);
 

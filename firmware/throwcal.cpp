@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
   add_record_commands(app, status);
   add_simulate_command(app, status);
   add_box_commands(app, status);
+  add_session_commands(app, status);
   try {
     app.parse(argc, argv);
     return status;
