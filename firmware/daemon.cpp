@@ -81,7 +81,10 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
   add_methods(rpc_, *this);
   term_ = loop_.on_signal(SIGTERM, [this] { loop_.quit(); });
   interrupt_ = loop_.on_signal(SIGINT, [this] { loop_.quit(); });
-  news_source_ = loop_.on_io(news_.fd(), EPOLLIN, [this](std::uint32_t) { read_news(); });
+  news_source_ = loop_.on_io(news_.fd(), EPOLLIN, [this](std::uint32_t) {
+    take_news();
+    tell();
+  });
   ticker_ = loop_.on_timer(tick_period, [this] { tick(); });
   loop_.serve_watchdog();
 }
@@ -108,7 +111,7 @@ void Daemon::run() {
 void Daemon::shut_down() {
   sd_notify(0, "STOPPING=1\nSTATUS=stopping");
   const bool ended = estimator_->stop_within(estimator_patience);
-  read_news();
+  take_news();
   rig_.stop();
   log_info("stopped in state " + to_string(session_.state()));
   if (!ended) std::_Exit(0);  // the estimator is at it still; its flights are on the disk
@@ -138,20 +141,21 @@ void Daemon::end_capture() {
   log_info("session " + std::to_string(*session_.id()) + " ended; solving");
 }
 
-void Daemon::read_news() {
+void Daemon::take_news() {
   News news = news_.take();
   const bool ended = news.cameras_ended;
   follow([&] { keeper_.take(std::move(news)); });
-  if (!ended) return;
-  log_warning("every camera has ended");
-  follow([&] { session_.cameras_ended(); });
+  if (ended) {
+    log_warning("every camera has ended");
+    follow([&] { session_.cameras_ended(); });
+  }
 }
 
 /// Whether the last calibration is that of the cameras as they are now, looked into again only when
 /// one of both has changed.
 void Daemon::judge_last_calibration() {
   Json devices = devices_of(rig_.stats(), false);
-  if (devices == judged_devices_ && judged_calibrations_ == keeper_.calibrations()) return;
+  if (devices == judged_devices_ && judged_calibration_ == keeper_.calibration_id()) return;
   std::optional<Json> latest;
   try {
     latest = store_.latest_calibration();
@@ -166,7 +170,7 @@ void Daemon::judge_last_calibration() {
   if (calibration_problem_)
     log_warning("the last calibration is not of these cameras: " + *calibration_problem_);
   judged_devices_ = std::move(devices);
-  judged_calibrations_ = keeper_.calibrations();
+  judged_calibration_ = keeper_.calibration_id();
 }
 
 /// Whether anything could be captured.
@@ -195,6 +199,13 @@ void Daemon::tick() {
   tell_camera_faults(now.cameras, once_);
   if (now.sightings_dropped > 0)
     once_.warning("sightings", "sightings dropped, the estimator is too slow");
+  tell();
+  keeper_.store_evidence();
+}
+
+/// Tells whoever listens, if there is something new.
+void Daemon::tell() {
+  const Status now = status_now();
   const Json told = essence(to_json(now));
   const auto clock = std::chrono::steady_clock::now();
   if (told == last_told_ && clock - last_told_at_ < heartbeat_period) return;
@@ -208,6 +219,7 @@ void Daemon::tick() {
 Status Daemon::status_now() const {
   Status now = status_of(session_, rig_);
   now.fault = keeper_.fault() ? keeper_.fault() : camera_trouble_;
+  now.calibration = keeper_.calibration_id();
   now.target = config_.rig.target;
   now.calibration_problem = calibration_problem_;
   now.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();

@@ -54,11 +54,12 @@ class Daemon {
  private:
   void resume_unsolved();
   void end_capture();
-  void read_news();
+  void take_news();
   void follow(const std::function<void()>& change);
   void judge_last_calibration();
   void judge_trouble();
   void tick();
+  void tell();
   void shut_down();
   Status status_now() const;
   std::string unit() const;
@@ -78,7 +79,7 @@ class Daemon {
   TcpLink link_;
   std::optional<std::string> camera_trouble_, calibration_problem_;
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
-  std::uint64_t judged_calibrations_ = 0;
+  std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;
   std::optional<EstimatorThread> estimator_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;

@@ -49,6 +49,7 @@ std::optional<std::string> SessionKeeper::begin(SessionFacts facts, const Sessio
   evidence_.clear();
   flights_stored_ = 0;
   stopped_utc_.reset();
+  calibration_id_.reset();
   began_here_ = id;
   gather_backgrounds();
   return session_.start(id, goal);
@@ -64,6 +65,7 @@ std::optional<std::string> SessionKeeper::abort() {
   waiting_.clear();
   evidence_.clear();
   stopped_utc_.reset();
+  calibration_id_.reset();
   stored([&] { store_.finish_session("aborted"); });
   return {};
 }
@@ -92,7 +94,7 @@ void SessionKeeper::take(News news) {
 }
 
 void SessionKeeper::catch_up() {
-  const bool is_well = stored([&] {
+  stored([&] {
     store_.ready();
     while (!waiting_.empty()) {
       store_and_tell(waiting_.front());
@@ -101,7 +103,6 @@ void SessionKeeper::catch_up() {
     if (stopped_utc_ && store_.open_session()) store_.stop_session(*stopped_utc_);
     stopped_utc_.reset();
   });
-  if (is_well) store_evidence();
 }
 
 /// Each part is done with before the next is tried, so that none is stored twice.
@@ -132,11 +133,10 @@ void SessionKeeper::store_calibration(const News& news) {
   if (devices != store_.facts().devices) store_.set_devices(devices);
   Json document = to_json(*news.calibration, utc_now());
   add_devices(document, devices);
-  store_.add_calibration({0, document.at("created_utc").get<std::string>(),
-                          document.at("verdict").get<std::string>(), news.throws,
-                          static_cast<std::int64_t>(news.calibrated_flights),
-                          document.dump(-1, ' ', false, Json::error_handler_t::replace)});
-  ++calibrations_;
+  calibration_id_ = store_.add_calibration(
+      {0, document.at("created_utc").get<std::string>(), document.at("verdict").get<std::string>(),
+       news.throws, static_cast<std::int64_t>(news.calibrated_flights),
+       document.dump(-1, ' ', false, Json::error_handler_t::replace)});
 }
 
 /// What was behind the cameras when the session began, and of those that came later since then.
@@ -172,7 +172,6 @@ void SessionKeeper::gather_evidence(const std::vector<Track>& flights) {
                                           flights_stored_ + static_cast<std::int64_t>(i) + 1));
 }
 
-/// Nothing that a calibration needs: what can't be stored is told once and let go.
 void SessionKeeper::store_evidence() {
   if (evidence_.empty() || !store_.open_session()) return;
   try {

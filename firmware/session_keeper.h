@@ -33,8 +33,11 @@ class SessionKeeper {
   void catch_up();
   /// Why nothing can be kept now.
   const std::optional<std::string>& fault() const { return fault_; }
-  /// Counts calibrations stored, so that one may know whether there is a new one.
-  std::uint64_t calibrations() const { return calibrations_; }
+  /// Stores the pictures that wait, when there is time for it. What can't be stored of them is told
+  /// once and let go: no calibration needs it.
+  void store_evidence();
+  /// Of the session's last calibration that is stored.
+  const std::optional<std::int64_t>& calibration_id() const { return calibration_id_; }
 
  private:
   template <typename Work>
@@ -43,7 +46,6 @@ class SessionKeeper {
   void store_calibration(const News& news);
   void gather_backgrounds();
   void gather_evidence(const std::vector<Track>& flights);
-  void store_evidence();
   SessionFacts::Json devices_now() const;
 
   Session& session_;
@@ -54,7 +56,7 @@ class SessionKeeper {
   std::deque<News> waiting_;
   std::vector<Evidence> evidence_;  ///< waits until everything else is stored
   std::int64_t flights_stored_ = 0;
-  std::uint64_t calibrations_ = 0;
+  std::optional<std::int64_t> calibration_id_;
   std::optional<std::int64_t> began_here_;  ///< the session that began in this process
   std::optional<std::string> stopped_utc_;  ///< to be stored
   std::optional<std::string> fault_;

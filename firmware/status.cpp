@@ -123,6 +123,7 @@ Json to_json(const Status& s) {
       {"worst_sigma_position_m", known(s.worst_sigma_position_m)},
       {"worst_sigma_rotation_rad", known(s.worst_sigma_rotation_rad)},
       {"verdict", s.verdict ? Json(to_string(*s.verdict)) : Json(nullptr)},
+      {"calibration", s.calibration ? Json(*s.calibration) : Json(nullptr)},
       {"reasons", s.reasons},
       {"target",
        {{"position_m", s.target.position_m},

@@ -19,6 +19,7 @@ struct Status {
   std::uint64_t sightings_dropped = 0;
   std::optional<double> worst_sigma_position_m, worst_sigma_rotation_rad;
   std::optional<Verdict> verdict;
+  std::optional<std::int64_t> calibration;  ///< the id of the session's last one
   std::vector<std::string> reasons;
   Target target;
   int target_throws = 0;                  ///< that must agree before the session ends itself
