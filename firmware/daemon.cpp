@@ -95,6 +95,7 @@ void Daemon::run() {
   rig_.start();
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
+  resume_unsolved();
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
   const std::string listening =

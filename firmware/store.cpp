@@ -38,7 +38,10 @@ std::optional<std::int64_t> id_of(const std::filesystem::path& file) {
   return id;
 }
 
-std::filesystem::path log_of(const std::filesystem::path& file) { return file.string() + "-wal"; }
+/// What lies beside a file that was left in the middle of a write.
+std::vector<std::filesystem::path> logs_of(const std::filesystem::path& file) {
+  return {file.string() + "-wal", file.string() + "-journal"};
+}
 
 StoreError unusable(const std::filesystem::path& place, const std::string& why) {
   return StoreError(place.string() + ": can't be used: " + why +
@@ -112,8 +115,10 @@ void Store::read_folder() {
 Store::Entry Store::entry_of(const std::filesystem::path& file) const {
   Entry out{file, {}, {}, false, {}};
   try {
-    std::error_code none;
-    const bool was_cut = std::filesystem::exists(log_of(file), none);
+    const bool was_cut = std::ranges::any_of(logs_of(file), [](const auto& log) {
+      std::error_code none;
+      return std::filesystem::exists(log, none);
+    });
     const SessionFile session(file,
                               was_cut ? SessionFile::For::writing : SessionFile::For::reading);
     if (was_cut) session.seal();
@@ -347,7 +352,7 @@ void Store::delete_session(std::int64_t id) {
     throw StoreError(error.what());
   }
   std::error_code error;
-  std::filesystem::remove(log_of(*file), error);
+  for (const auto& log : logs_of(*file)) std::filesystem::remove(log, error);
   if (!std::filesystem::remove(*file, error))
     throw StoreError(file->string() + ": can't be removed: " + error.message());
   sessions_.erase(id);

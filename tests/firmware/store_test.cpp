@@ -323,6 +323,32 @@ TEST_F(StoreTest, ADraftOfAFileThatWasNeverWholeGoes) {
   EXPECT_EQ(store.start_session(facts()), 1);
 }
 
+TEST_F(StoreTest, AFileThatWasLeftInTheMiddleOfAWriteIsMended) {
+  {
+    Store store(folder_);
+    add_session(store, "accepted", "done");
+  }
+  const std::filesystem::path path = file("000001.throwcal"), other = folder_ / "copy";
+  {
+    // A rollback journal that a power cut leaves, copied while a transaction is under way.
+    const Database database(path, Database::Mode::make);
+    database.execute("PRAGMA cache_size=1; BEGIN IMMEDIATE");
+    for (int i = 0; i < 200; ++i)
+      database.execute(
+          "INSERT INTO calibration(created_utc, verdict, throws, flights, sha256,"
+          " document) VALUES('', '', 0, 0, '', hex(randomblob(4000)))");
+    std::filesystem::copy(path, other);
+    std::filesystem::copy(path.string() + "-journal", other.string() + "-journal");
+  }
+  std::filesystem::rename(other, path);
+  std::filesystem::rename(other.string() + "-journal", path.string() + "-journal");
+  Store store(folder_);
+  store.ready();
+  EXPECT_FALSE(store.session(1)->contains("problem")) << *store.session(1);
+  EXPECT_EQ(store.session(1)->at("calibrations").size(), 1u);
+  EXPECT_EQ(store.latest_calibration()->at("verdict"), "accepted");
+}
+
 // --- a file that somebody sends us --------------------------------------------------------------
 
 class ForeignSession : public StoreTest {
