@@ -8,6 +8,7 @@
 
 #include "capture/quotation.h"
 #include "estimator/ballistics.h"
+#include "firmware/can_messages.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
@@ -283,6 +284,24 @@ void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& c
   refuse_unread(table);
 }
 
+/// What the kernel takes as a name (IFNAMSIZ).
+bool is_interface_name(const std::string& text) {
+  return !text.empty() && text.size() <= 15 && text != "." && text != ".." &&
+         std::ranges::all_of(text,
+                             [](char c) { return c > ' ' && c <= '~' && c != '/' && c != ':'; });
+}
+
+void read_can(TomlTable table, Config& config) {
+  CanSettings can;
+  can.interface = table.text("interface").value_or("");
+  if (table.has("interface") && !is_interface_name(can.interface))
+    table.reject("interface", "the name of a network interface like \"can0\"");
+  can.unit = static_cast<int>(table.integer("unit", 0, can_units - 1).value_or(can.unit));
+  can.fd = table.boolean("fd").value_or(can.fd);
+  refuse_unread(table);
+  if (!can.interface.empty()) config.can = can;
+}
+
 toml::table parse(std::string_view toml, const std::string& name) {
   try {
     return toml::parse(toml, name);
@@ -294,7 +313,7 @@ toml::table parse(std::string_view toml, const std::string& name) {
 
 void warn_of_unknown_tables(const toml::table& document, const std::string& name, Config& config) {
   static const std::set<std::string_view> known{"site",   "ball",       "target", "timing",
-                                                "camera", "simulation", "daemon"};
+                                                "camera", "simulation", "daemon", "can"};
   for (const auto& [key, node] : document)
     if (!known.contains(key.str()))
       config.warnings.push_back(name + ":" + std::to_string(node.source().begin.line) + ": " +
@@ -318,6 +337,7 @@ Config parse_config(std::string_view toml, const std::string& name,
   config.simulation.cameras = static_cast<int>(std::min<std::size_t>(config.inputs.size(), 8));
   read_simulation(top.table("simulation"), config.simulation);
   read_daemon(top.table("daemon"), folder, config);
+  read_can(top.table("can"), config);
   return config;
 }
 

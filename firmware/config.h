@@ -10,6 +10,7 @@
 #include "capture/colour.h"
 #include "capture/simulated_scene.h"
 #include "estimator/rig_description.h"
+#include "firmware/can_settings.h"
 #include "firmware/toml_table.h"
 
 namespace throwcal {
@@ -36,6 +37,7 @@ struct Config {
   std::vector<CameraInput> inputs;  ///< a camera each
   SimulatedSceneSettings simulation;
   ListenAddress listen;
+  std::optional<CanSettings> can;  ///< absent: no CAN
   std::optional<std::filesystem::path> state_dir;
   std::optional<std::filesystem::path> token_file;  ///< default: `token` in the state folder
   std::string unit;                                 ///< this box's name; empty: the host's

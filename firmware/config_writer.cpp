@@ -79,6 +79,11 @@ void write_simulation(std::ostream& out, const SimulatedSceneSettings& s) {
       << "\nexposure_s = " << shortest(s.exposure_s) << "\n";
 }
 
+void write_can(std::ostream& out, const CanSettings& can) {
+  out << "\n[can]\ninterface = " << quoted(can.interface) << "\nunit = " << can.unit
+      << "\nfd = " << (can.fd ? "true" : "false") << "\n";
+}
+
 }  // namespace
 
 std::string to_toml(const Config& config) {
@@ -100,6 +105,7 @@ std::string to_toml(const Config& config) {
   if (!config.unit.empty()) out << "unit = " << quoted(config.unit) << "\n";
   if (config.token_file) out << "token_file = " << quoted(config.token_file->string()) << "\n";
   if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
+  if (config.can) write_can(out, *config.can);
   write_simulation(out, config.simulation);
   for (std::size_t i = 0; i < rig.cameras.size(); ++i)
     write_camera(out, rig.cameras[i], config.inputs[i]);

@@ -60,6 +60,8 @@ std::string token_of(const Config& config, const DaemonSettings& settings) {
 /// A status without what changes all the time: is it worth telling at once?
 Json essence(Json status) {
   status.erase("uptime_s");
+  if (Json& can = status["can"]; can.is_object())
+    can = {{"state", can["state"]}, {"problem", can["problem"]}};
   for (Json& camera : status["cameras"])
     for (const char* counter : {"frames", "frames_per_s", "sightings", "time_sigma_s"})
       camera.erase(counter);
@@ -79,6 +81,7 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
       rpc_([this] { return access_.is_open(Access::Clock::now()); }),
       link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
   add_methods(rpc_, *this);
+  if (config_.can) can_.emplace(loop_, *config_.can, rpc_, access_.short_key());
   term_ = loop_.on_signal(SIGTERM, [this] { loop_.quit(); });
   interrupt_ = loop_.on_signal(SIGINT, [this] { loop_.quit(); });
   news_source_ = loop_.on_io(news_.fd(), EPOLLIN, [this](std::uint32_t) {
@@ -223,6 +226,7 @@ Status Daemon::status_now() const {
   now.calibration = keeper_.calibration_id();
   now.target = config_.rig.target;
   now.calibration_problem = calibration_problem_;
+  if (can_) now.can = can_->status();
   now.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
   return now;
 }

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "firmware/access.h"
+#include "firmware/can_link.h"
 #include "firmware/config.h"
 #include "firmware/estimator_thread.h"
 #include "firmware/event_loop.h"
@@ -78,6 +79,7 @@ class Daemon {
   JsonRpc rpc_;
   TcpLink link_;
   std::optional<std::string> camera_trouble_, calibration_problem_;
+  std::optional<CanLink> can_;
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;

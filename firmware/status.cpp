@@ -136,6 +136,7 @@ Json to_json(const Status& s) {
       {"sightings_dropped", s.sightings_dropped},
       {"calibration_problem", s.calibration_problem ? Json(*s.calibration_problem) : Json(nullptr)},
       {"fault", s.fault ? Json(*s.fault) : Json(nullptr)},
+      {"can", s.can},
       {"uptime_s", std::round(10.0 * s.uptime_s) / 10.0},
       {"software", software_name()}};
 }

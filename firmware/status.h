@@ -27,6 +27,7 @@ struct Status {
   std::optional<std::string> next_throw;  ///< which would help most
   std::optional<std::string> calibration_problem;  ///< why the last one is not of these cameras
   std::optional<std::string> fault;  ///< of the box itself, as a store that can't be written
+  nlohmann::ordered_json can;        ///< of the CAN link; null where there is none
   double uptime_s = 0.0;
 };
 

@@ -282,6 +282,30 @@ TEST(Config, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(back.rig.cameras[1].estimate, config.rig.cameras[1].estimate);
 }
 
+TEST(Config, HasCanOnlyWhereItIsAskedFor) {
+  EXPECT_FALSE(parsed(north + east).can);
+  EXPECT_FALSE(parsed("[can]\nunit = 3\n" + north + east).can) << "no interface";
+  const Config config =
+      parsed("[can]\ninterface = \"can1\"\nunit = 11\nfd = true\n" + north + east);
+  ASSERT_TRUE(config.can);
+  EXPECT_EQ(config.can->interface, "can1");
+  EXPECT_EQ(config.can->unit, 11);
+  EXPECT_TRUE(config.can->fd);
+  EXPECT_EQ(to_toml(parse_config(to_toml(config), "back.toml")), to_toml(config));
+  const auto refused = [](const std::string& line) {
+    return error_of("[can]\n" + line + "\n" + north + east);
+  };
+  EXPECT_EQ(refused("unit = 12"),
+            "rig.toml:2: [can] unit must be a whole number from 0 to 11, got 12");
+  for (const char* bad : {"", "a name too long!", "c/n", "c n", "..", "can0:1"})
+    EXPECT_NE(refused("interface = \"" + std::string(bad) + '"')
+                  .find("[can] interface must be the name of a network interface like \"can0\""),
+              std::string::npos)
+        << bad;
+  EXPECT_EQ(refused("fd = 1"), "rig.toml:2: [can] fd must be true or false, got 1");
+  EXPECT_EQ(refused("bitrate = 500"), "rig.toml:2: [can] bitrate is not a known key");
+}
+
 TEST(Address, IsAHostWithOrWithoutAPort) {
   const auto shown = [](const std::string& text) {
     const auto address = parse_address(text, 7710);
