@@ -56,6 +56,33 @@ std::string status_text(const Json& status) {
   return out;
 }
 
+/// What CAN tells of a box: fewer words, and the poses themselves.
+std::string can_status_text(const Json& status) {
+  std::string out =
+      status_line(status) + "\n  " + status.at("cameras_running").dump() + " of " +
+      status.at("cameras").dump() + " cameras run, " + status.at("frames_lost").dump() +
+      " frames lost, " + status.at("frames_dropped").dump() + " dropped, up " +
+      status.at("uptime_s").dump() + " s, " + status.at("software").get<std::string>() + "\n";
+  if (status.at("fault") == true) out += "  a fault: throwcal status --host tells which\n";
+  if (status.at("calibration_problem") == true)
+    out += "  the last calibration is not of these cameras\n";
+  for (const Json& pose : status.at("poses")) {
+    out += "  camera " + pose.at("camera").dump() + ": ";
+    if (!pose.at("translation_m").is_array() || !pose.at("rotation_vector_rad").is_array()) {
+      out += "not known\n";
+      continue;
+    }
+    const auto t = pose.at("translation_m").get<std::vector<double>>(),
+               r = pose.at("rotation_vector_rad").get<std::vector<double>>();
+    char line[160];
+    std::snprintf(line, sizeof line, "%.4f %.4f %.4f m, rotation vector %.6f %.6f %.6f rad%s\n",
+                  t[0], t[1], t[2], r[0], r[1], r[2],
+                  pose.at("clamped") == true ? " (some number does not fit CAN)" : "");
+    out += line;
+  }
+  return out;
+}
+
 void print(const Json& value, const std::string& text, bool json) {
   const std::string out = json ? value.dump(2) + "\n" : text;
   std::fputs(out.c_str(), stdout);
@@ -104,12 +131,16 @@ bool follow(BoxClient& box, LiveLine& line, double timeout_s, const Enough& enou
 
 CLI::App* add_status(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* command = app.add_subcommand("status", "What the box does now");
-  command->footer("Example:\n  throwcal status --host box.local");
+  command->footer("Example:\n  throwcal status --host box.local\n  throwcal status --can can0");
   command->callback([box, &status] {
+    status = exit_accepted;
+    if (!box->can.empty()) {
+      const Json now = box->listen().status();
+      return print(now, can_status_text(now), box->json);
+    }
     BoxClient client = box->connect();
     const Json now = client.call("status.get");
     print(now, status_text(now), box->json);
-    status = exit_accepted;
   });
   return command;
 }
@@ -119,6 +150,25 @@ void start_capture(const BoxOptions& options, bool until_stopped) {
   options.authenticate(box);
   const Json now = box.call("capture.start", {{"until", until_stopped ? "stopped" : "target"}});
   print(now, "capturing, session " + now.at("session").dump() + ": throw the ball\n", options.json);
+}
+
+void start_capture_by_can(const BoxOptions& options) {
+  const CanAck ack = options.listen().order(CanOrder::start, options.short_key());
+  const Json now{{"state", can_state_word(ack.state)}, {"session", ack.session}};
+  print(now, "capturing, session " + now.at("session").dump() + ": throw the ball\n", options.json);
+}
+
+void stop_capture_by_can(const BoxOptions& options, double timeout_s, bool wait) {
+  CanClient box = options.listen();
+  box.order(CanOrder::stop, options.short_key());
+  Json now = box.status();
+  const auto deadline = Clock::now() + std::chrono::duration<double>(timeout_s);
+  while (wait && now.at("state") == "solving") {
+    if (Clock::now() > deadline)
+      throw BoxError("the box is still solving after " + shortest(timeout_s) + " s");
+    now = box.status();
+  }
+  print(now, status_line(now) + "\n", options.json);
 }
 
 void stop_capture(const BoxOptions& options, double timeout_s, bool wait) {
@@ -150,7 +200,7 @@ CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptio
   start->add_flag("--until-stopped", *until_stopped,
                   "Go on though the rig file's [target] is reached");
   start->callback([box, until_stopped, &status] {
-    start_capture(*box, *until_stopped);
+    box->can.empty() ? start_capture(*box, *until_stopped) : start_capture_by_can(*box);
     status = exit_accepted;
   });
   auto* stop = capture->add_subcommand("stop", "No more throws; solve, and wait for the result");
@@ -160,7 +210,10 @@ CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptio
       ->capture_default_str();
   stop->add_flag("--no-wait", *no_wait, "Return as soon as the box has taken note");
   stop->callback([box, timeout_s, no_wait, &status] {
-    stop_capture(*box, *timeout_s, !*no_wait);
+    if (box->can.empty())
+      stop_capture(*box, *timeout_s, !*no_wait);
+    else
+      stop_capture_by_can(*box, *timeout_s, !*no_wait);
     status = exit_accepted;
   });
   auto* abort = capture->add_subcommand("abort", "Throw this session away");
@@ -182,11 +235,12 @@ CLI::App* add_fetch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions
   command->add_option("--truth", *truth, "A truth file of throwcal simulate to compare with");
   command->footer(
       "Example:\n  throwcal fetch --output calibration.json\n"
+      "  throwcal fetch --can can0 --output calibration.json\n"
       "Exit status: 0 accepted; 3 the verdict is another; 1 no box, or it has no calibration.");
   command->callback([box, output, truth, &status] {
     std::optional<Calibration> true_rig;
     if (!truth->empty()) true_rig = to_calibration(read_json(*truth), *truth);
-    const Json document = box->connect().call("calibration.latest");
+    const Json document = box->latest_calibration();
     const Calibration calibration = to_calibration(document, "the box's calibration");
     if (!output->empty()) write_text_file(*output, document.dump(2) + "\n");
     print(document, calibration_table(calibration, true_rig), box->json);
@@ -222,15 +276,24 @@ CLI::App* add_watch(CLI::App& app, int& status, const std::shared_ptr<BoxOptions
 
 void add_box_commands(CLI::App& app, int& status) {
   auto box = std::make_shared<BoxOptions>();
-  const auto with_box = [&](CLI::App* command) { box->add_to(*command); };
-  with_box(add_status(app, status, box));
+  const auto with_box = [&](CLI::App* command) {
+    box->add_to(*command);
+    return command;
+  };
+  const auto with_can = [&](CLI::App* command) {
+    box->add_can_to(*command);
+    return command;
+  };
+  with_can(&app);
+  with_box(with_can(add_status(app, status, box)));
   CLI::App* capture = add_capture(app, status, box);
   for (CLI::App* command : capture->get_subcommands({})) {
-    with_box(command);
+    with_box(with_can(command));
     box->add_token_to(*command);
   }
-  with_box(add_fetch(app, status, box));
+  with_box(with_can(add_fetch(app, status, box)));
   with_box(add_watch(app, status, box));
+  add_session_commands(app, status, box);
 }
 
 }  // namespace throwcal

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 #include <CLI/CLI.hpp>
+#include <memory>
 
 namespace throwcal {
+
+struct BoxOptions;
 
 /// What `throwcal` says to the shell.
 enum ExitStatus : int {
@@ -19,8 +22,8 @@ void add_cameras_command(CLI::App& app, int& status);
 void add_detect_command(CLI::App& app, int& status);
 void add_picture_command(CLI::App& app, int& status);
 void add_record_commands(CLI::App& app, int& status);
-void add_session_commands(CLI::App& app, int& status);
 void add_simulate_command(CLI::App& app, int& status);
-void add_box_commands(CLI::App& app, int& status);
+void add_box_commands(CLI::App& app, int& status);  ///< those of sessions, too
+void add_session_commands(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box);
 
 }  // namespace throwcal

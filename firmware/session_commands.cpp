@@ -198,8 +198,7 @@ void delete_session(const BoxOptions& options, std::int64_t session, bool is_sur
 
 }  // namespace
 
-void add_session_commands(CLI::App& app, int& status) {
-  auto box = std::make_shared<BoxOptions>();
+void add_session_commands(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto options = std::make_shared<ExportOptions>();
   auto* sessions = app.add_subcommand("sessions", "List what a box has kept");
   sessions->callback([box, &status] { list_sessions(*box), status = exit_accepted; });

@@ -35,7 +35,6 @@ int main(int argc, char** argv) {
   add_record_commands(app, status);
   add_simulate_command(app, status);
   add_box_commands(app, status);
-  add_session_commands(app, status);
   try {
     app.parse(argc, argv);
     return status;
