@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <random>
@@ -41,6 +42,10 @@ CanSocket opened(const CanClientSettings& settings, const CanInterface& interfac
 
 Json known(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
 
+Json whole(const std::optional<double>& value) {
+  return value ? Json(std::llround(*value)) : Json(nullptr);
+}
+
 Json known(const std::array<std::optional<double>, 3>& values) {
   if (!values[0] || !values[1] || !values[2]) return nullptr;
   return Json::array({*values[0], *values[1], *values[2]});
@@ -53,7 +58,7 @@ Json to_json(const CanCamera& camera, std::size_t number) {
           {"sigma_position_m", known(camera.quality.sigma_position_m)},
           {"sigma_rotation_rad", known(camera.quality.sigma_rotation_rad)},
           {"reprojection_rms_px", known(camera.quality.reprojection_rms_px)},
-          {"sightings_used", known(camera.quality.sightings_used)},
+          {"sightings_used", whole(camera.quality.sightings_used)},
           {"clamped", camera.quality.clamped},
           {"sequence", camera.quality.sequence}};
 }
@@ -140,7 +145,7 @@ Json CanClient::status() {
   const std::string verdict = can_verdict_word(now.verdict);
   const CanHeartbeat& beat = report_.heartbeat;
   return {{"state", can_state_word(now.state)},
-          {"throws", known(now.throws)},
+          {"throws", whole(now.throws)},
           {"worst_sigma_position_m", known(now.worst_sigma_position_m)},
           {"worst_sigma_rotation_rad", known(now.worst_sigma_rotation_rad)},
           {"verdict", verdict.empty() ? Json(nullptr) : Json(verdict)},
@@ -148,9 +153,9 @@ Json CanClient::status() {
           {"calibration_problem", now.calibration_problem},
           {"cameras", report_.health.cameras},
           {"cameras_running", report_.health.cameras_running},
-          {"frames_lost", known(report_.health.frames_lost)},
-          {"frames_dropped", known(report_.health.frames_dropped)},
-          {"can_frames_lost", known(report_.health.can_frames_lost)},
+          {"frames_lost", whole(report_.health.frames_lost)},
+          {"frames_dropped", whole(report_.health.frames_dropped)},
+          {"can_frames_lost", whole(report_.health.can_frames_lost)},
           {"poses", std::move(poses)},
           {"result",
            {{"sequence", report_.result.sequence},

@@ -73,7 +73,9 @@ class Unpacker {
     std::int64_t count = take(bits);
     if (is_signed && count > largest(bits, true)) count -= std::int64_t{1} << bits;
     value.reset();
-    if (count != unknown(bits, is_signed)) value = scale * static_cast<double>(count);
+    if (count == unknown(bits, is_signed)) return;
+    // In millionths, so that 831 tenths of a millimetre are 0.0831 and not 0.08310000000000001.
+    value = static_cast<double>(count) * std::round(1e6 * scale) / 1e6;
   }
 
  private:

@@ -59,7 +59,8 @@ TEST(CanReport, IsTheStatusDocument) {
   const Json status = Json::parse(R"({"state": "solving", "session": 3, "throws": 4,
       "worst_sigma_position_m": 0.0012, "worst_sigma_rotation_rad": null, "verdict": "accepted",
       "cameras": [{"running": true, "frames_lost_by_driver": 2, "frames_damaged": 1,
-                   "frames_dropped": 4}, {"running": false, "frames_dropped": 1}],
+                   "frames_dropped": 4}, {"running": false, "frames_dropped": 1},
+                  {"running": true, "error": "is not plugged in"}],
       "calibration_problem": null, "fault": "the disk is full", "uptime_s": 12.9,
       "software": "throwcal 1.22.3"})");
   const CanStatus now = can_status_of(status);
@@ -71,7 +72,7 @@ TEST(CanReport, IsTheStatusDocument) {
   EXPECT_TRUE(now.fault);
   EXPECT_FALSE(now.calibration_problem);
   const CanHealth health = can_health_of(status);
-  EXPECT_EQ(health.cameras, 2);
+  EXPECT_EQ(health.cameras, 3);
   EXPECT_EQ(health.cameras_running, 1);
   EXPECT_EQ(health.frames_lost, 3);
   EXPECT_EQ(health.frames_dropped, 5);
