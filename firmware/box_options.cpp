@@ -31,8 +31,8 @@ void BoxOptions::add_can_to(CLI::App& command) {
 
 void BoxOptions::add_token_to(CLI::App& command) {
   command.add_option("--token", token,
-                     std::string("What the box's file `token` holds; default: $") +
-                         token_variable + ", then " + own_token_file + ", where it is readable");
+                     std::string("What the box's file `token` holds; default: $") + token_variable +
+                         ", then " + own_token_file + ", where it is readable");
 }
 
 BoxClient BoxOptions::connect() const {
@@ -55,8 +55,7 @@ std::string BoxOptions::shown_token() const {
 }
 
 void BoxOptions::authenticate(BoxClient& box) const {
-  if (const std::string shown = shown_token(); !shown.empty())
-    box.call("auth", {{"token", shown}});
+  if (const std::string shown = shown_token(); !shown.empty()) box.call("auth", {{"token", shown}});
 }
 
 std::uint32_t BoxOptions::short_key() const {

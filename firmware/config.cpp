@@ -313,7 +313,8 @@ toml::table parse(std::string_view toml, const std::string& name) {
 
 void warn_of_unknown_tables(const toml::table& document, const std::string& name, Config& config) {
   static const std::set<std::string_view> known{"site",   "ball",       "target", "timing",
-                                                "camera", "simulation", "daemon", "can"};
+                                                "camera", "simulation", "daemon", "can",
+                                                "button", "light"};
   for (const auto& [key, node] : document)
     if (!known.contains(key.str()))
       config.warnings.push_back(name + ":" + std::to_string(node.source().begin.line) + ": " +
@@ -338,6 +339,8 @@ Config parse_config(std::string_view toml, const std::string& name,
   read_simulation(top.table("simulation"), config.simulation);
   read_daemon(top.table("daemon"), folder, config);
   read_can(top.table("can"), config);
+  config.button = read_button(top.table("button"));
+  config.light = read_light(top.table("light"));
   return config;
 }
 

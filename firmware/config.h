@@ -11,6 +11,7 @@
 #include "capture/simulated_scene.h"
 #include "estimator/rig_description.h"
 #include "firmware/can_settings.h"
+#include "firmware/panel_settings.h"
 #include "firmware/toml_table.h"
 
 namespace throwcal {
@@ -47,6 +48,8 @@ struct Config {
       64'000'000;             ///< of the disk; sightings' pictures make room for it
   bool keep_evidence = true;  ///< whether these are kept at all
   std::optional<std::size_t> frame_memory_bytes;  ///< that frames may take; default: see cameras.h
+  ButtonSettings button;
+  LightSettings light;
   std::vector<std::string> warnings;  ///< keys that nobody reads, "rig.toml:7: ..." each
 };
 

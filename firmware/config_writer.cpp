@@ -8,19 +8,6 @@
 namespace throwcal {
 namespace {
 
-/// A TOML basic string.
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    char escaped[8];
-    std::snprintf(escaped, sizeof escaped, "\\u%04X", byte);
-    if (c == '"' || c == '\\') out += '\\';
-    out += byte < 0x20 || byte == 0x7F ? escaped : std::string(1, c);
-  }
-  return out + '"';
-}
-
 std::string to_text(const Colour& colour) {
   char text[8];
   std::snprintf(text, sizeof text, "#%02x%02x%02x", colour[0], colour[1], colour[2]);
@@ -106,6 +93,7 @@ std::string to_toml(const Config& config) {
   if (config.token_file) out << "token_file = " << quoted(config.token_file->string()) << "\n";
   if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
   if (config.can) write_can(out, *config.can);
+  out << to_toml(config.button) << to_toml(config.light);
   write_simulation(out, config.simulation);
   for (std::size_t i = 0; i < rig.cameras.size(); ++i)
     write_camera(out, rig.cameras[i], config.inputs[i]);

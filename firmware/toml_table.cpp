@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/toml_table.h"
 
+#include <cstdio>
+
 #include "capture/quotation.h"
 #include "firmware/text_file.h"
 
@@ -18,6 +20,18 @@ std::string shown(const toml::node* node) {
 }
 
 }  // namespace
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    char escaped[8];
+    std::snprintf(escaped, sizeof escaped, "\\u%04X", byte);
+    if (c == '"' || c == '\\') out += '\\';
+    out += byte < 0x20 || byte == 0x7F ? escaped : std::string(1, c);
+  }
+  return out + '"';
+}
 
 TomlTable::TomlTable(const toml::table& table, std::string file, std::string where)
     : table_(&table), file_(std::move(file)), where_(std::move(where)) {}
@@ -131,6 +145,12 @@ std::optional<std::vector<std::string>> TomlTable::texts(std::string_view key) {
   std::vector<std::string> out;
   for (const toml::node& item : *list) out.push_back(*item.value<std::string>());
   return out;
+}
+
+std::optional<std::vector<std::string>> TomlTable::text_or_texts(std::string_view key) {
+  const toml::node* node = find(key);
+  if (node && node->is_string()) return std::vector<std::string>{*node->value<std::string>()};
+  return texts(key);
 }
 
 std::vector<std::string> TomlTable::unread() const {

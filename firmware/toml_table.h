@@ -35,6 +35,8 @@ class TomlTable {
   std::optional<std::string> choice(std::string_view key, const std::vector<std::string>& words);
   std::optional<std::vector<double>> numbers(std::string_view key, const NumberRange& each);
   std::optional<std::vector<std::string>> texts(std::string_view key);
+  /// One text, or a list of them.
+  std::optional<std::vector<std::string>> text_or_texts(std::string_view key);
 
   [[noreturn]] void reject(std::string_view key, const std::string& expected) const;
   [[noreturn]] void missing(std::string_view key, const std::string& expected) const;
@@ -51,5 +53,8 @@ class TomlTable {
   std::string file_, where_;
   std::set<std::string, std::less<>> asked_;
 };
+
+/// A TOML basic string.
+std::string quoted(const std::string& text);
 
 }  // namespace throwcal
