@@ -59,4 +59,9 @@ std::string token_in(const std::filesystem::path& file) {
   return token;
 }
 
+std::string new_token_in(const std::filesystem::path& file) {
+  make(file);
+  return token_in(file);
+}
+
 }  // namespace throwcal

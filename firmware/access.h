@@ -24,6 +24,8 @@ class Access {
   /// SHA-256, most significant first.
   std::uint32_t short_key() const;
 
+  void renew(std::string token) { token_ = std::move(token); }
+
   void button_pressed(Clock::time_point now) { open_until_ = now + window; }
   bool is_open(Clock::time_point now) const { return open_until_ && now < *open_until_; }
 
@@ -40,5 +42,9 @@ std::string new_token();
 /// where the file can't be read or made, or holds fewer than 8 or more than 128 printable
 /// characters.
 std::string token_in(const std::filesystem::path& file);
+
+/// A new one takes its place, in the file and as the result. Throws InputError where it can't be
+/// written; then the old one is still there.
+std::string new_token_in(const std::filesystem::path& file);
 
 }  // namespace throwcal

@@ -99,6 +99,7 @@ void Daemon::run() {
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
   resume_unsolved();
+  panel_.emplace(loop_, config_.button, config_.light, [this](Press press) { return obey(press); });
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
   const std::string listening =
@@ -117,6 +118,7 @@ void Daemon::shut_down() {
   const bool ended = estimator_->stop_within(estimator_patience);
   take_news();
   rig_.stop();
+  panel_.reset();  // its light goes out
   log_info("stopped in state " + to_string(session_.state()));
   if (!ended) std::_Exit(0);  // the estimator is at it still; its flights are on the disk
 }
@@ -203,6 +205,7 @@ void Daemon::tick() {
   tell_camera_faults(now.cameras, once_);
   if (now.sightings_dropped > 0)
     once_.warning("sightings", "sightings dropped, the estimator is too slow");
+  panel_->show(now, access_.is_open(Access::Clock::now()));
   tell();
   keeper_.store_evidence();
 }

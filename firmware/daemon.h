@@ -12,6 +12,7 @@
 #include "firmware/journal.h"
 #include "firmware/json_rpc.h"
 #include "firmware/news_box.h"
+#include "firmware/panel.h"
 #include "firmware/session.h"
 #include "firmware/session_keeper.h"
 #include "firmware/status.h"
@@ -59,6 +60,9 @@ class Daemon {
   void follow(const std::function<void()>& change);
   void judge_last_calibration();
   void judge_trouble();
+  std::filesystem::path token_file() const;
+  bool obey(Press press);  ///< false: not possible now. (daemon_button.cpp)
+  void reset_access();
   void tick();
   void tell();
   void shut_down();
@@ -84,6 +88,7 @@ class Daemon {
   std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;
   std::optional<EstimatorThread> estimator_;
+  std::optional<Panel> panel_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;
   JsonRpc::Json last_told_;
   std::chrono::steady_clock::time_point last_told_at_{};

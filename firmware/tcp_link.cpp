@@ -109,6 +109,10 @@ std::size_t TcpLink::clients() const {
       std::ranges::count_if(clients_, [](const auto& c) { return !c->refused && !c->gone; }));
 }
 
+void TcpLink::forget_tokens() {
+  for (const auto& client : clients_) client->caller.knows_token = false;
+}
+
 void TcpLink::accept_all() {
   for (;;) {
     sockaddr_storage peer{};

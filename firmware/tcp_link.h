@@ -29,6 +29,7 @@ class TcpLink {
 
   int port() const { return port_; }
   std::size_t clients() const;
+  void forget_tokens();  ///< that clients have shown: there is a new one
   /// Sends a notification to all who subscribed. Who has not read the last one yet gets the newest
   /// when it has: notifications in between are left out, never queued.
   void publish_status(const JsonRpc::Json& status);

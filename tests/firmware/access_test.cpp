@@ -64,6 +64,18 @@ TEST_F(TokenFile, IsMadeOnceAndStays) {
   EXPECT_NE(token_in(file_), token);
 }
 
+TEST_F(TokenFile, AReplacedOneIsAnother) {
+  const std::string old = token_in(file_);
+  const std::string made = new_token_in(file_);
+  EXPECT_NE(made, old);
+  EXPECT_EQ(token_in(file_), made);
+  Access access(old);
+  access.renew(made);
+  EXPECT_TRUE(access.knows(made));
+  EXPECT_FALSE(access.knows(old));
+  EXPECT_THROW(new_token_in(folder_ / "nowhere" / "token"), InputError);
+}
+
 TEST_F(TokenFile, MayBeOnesOwn) {
   write_text_file(file_, "my-own-secret\r\na second line\n");
   EXPECT_EQ(token_in(file_), "my-own-secret");
