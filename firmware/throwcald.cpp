@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "firmware/cameras.h"
+#include "firmware/config_check.h"
 #include "firmware/daemon.h"
 #include "firmware/input_error.h"
 
@@ -40,6 +41,8 @@ int main(int argc, char** argv) {
   app.add_option("--listen", listen, "ADDRESS:PORT, in place of the rig file's; port 0: any");
   app.add_option("--state-dir", state, "Where sessions and calibrations are kept");
   app.add_option("--port-file", port_file, "A file that gets the port once it is open");
+  bool only_check = false;
+  app.add_flag("--check", only_check, "Say what is understood of the rig file, and end");
   prepare_signals();
   try {
     app.parse(argc, argv);
@@ -55,6 +58,10 @@ int main(int argc, char** argv) {
       const auto address = parse_address(listen, config.listen.port);
       if (!address) throw InputError("--listen " + listen + ": expected ADDRESS or ADDRESS:PORT");
       config.listen = *address;
+    }
+    if (only_check) {
+      std::printf("%s%s: ok\n", summary(config).c_str(), config_file.c_str());
+      return 0;
     }
     Daemon(config, {config_file, state_dir(state, config), port_file}).run();
     return 0;
