@@ -17,7 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto period = 100ms;
-constexpr std::uint64_t second = 10;  // in periods
+constexpr std::uint64_t second = 10, longest_between_results = 10 * second;  // in periods
 /// More than any client sends; a bus full of commands must not keep the box busy.
 constexpr int commands_a_period = 16;
 constexpr int frames_a_turn = 64;
@@ -108,7 +108,8 @@ void CanLink::close(const CanInterface& now) {
 void CanLink::renew_report() {
   JsonRpc::Caller reader;
   const Json status = rpc_.call("status.get", {}, reader);
-  if (tenth_ % second == 4) renew_result();
+  if (has_other_result(status) || tenth_ - result_renewed_at_ >= longest_between_results)
+    renew_result();
   const int alive = report_.status.alive + 1, beat = report_.heartbeat.alive;
   report_.status = can_status_of(status);
   report_.status.alive = alive % 16;
@@ -122,10 +123,21 @@ void CanLink::renew_report() {
   report_.heartbeat.alive = (beat + (tenth_ % second == 0)) % 128;
 }
 
+/// Whether the latest calibration may be another one: to ask for it costs more than to ask this.
+bool CanLink::has_other_result(const Json& status) {
+  Json now;
+  for (const char* key : {"state", "session", "throws", "worst_sigma_position_m",
+                          "worst_sigma_rotation_rad", "verdict", "calibration_problem"})
+    now[key] = status.value(key, Json());
+  if (now == result_of_) return false;
+  result_of_ = std::move(now);
+  return true;
+}
+
 /// The text is that of the TCP link, byte for byte.
 void CanLink::renew_result() {
-  if (result_renewed_at_ == tenth_ + 1) return;
-  result_renewed_at_ = tenth_ + 1;
+  if (result_renewed_at_ == tenth_ && tenth_ > 0) return;
+  result_renewed_at_ = tenth_;
   std::string text;
   try {
     JsonRpc::Caller reader;
@@ -173,14 +185,16 @@ void CanLink::tell_report() {
 
 bool CanLink::send(int offset, const CanPayload& payload) {
   const int error = socket_->send(id(offset), payload);
-  if (!bus_.sent(error)) {
-    CanInterface now = look_at_can(settings_.interface, settings_.fd);
-    if (now.condition == CanCondition::up)
-      now = {now.index, CanCondition::down,
-             settings_.interface + " takes no frames: " + std::strerror(error)};
-    close(now);
-  }
+  if (!bus_.sent(error)) give_up(error);
   return error == 0;
+}
+
+/// The socket is good for nothing any more; another one may be, in a second.
+void CanLink::give_up(int error) {
+  CanInterface now = look_at_can(settings_.interface, settings_.fd);
+  if (now.condition == CanCondition::up)
+    now = {now.index, CanCondition::down, settings_.interface + ": " + std::strerror(error)};
+  close(now);
 }
 
 void CanLink::read() {
@@ -188,7 +202,7 @@ void CanLink::read() {
   for (int i = 0; i < frames_a_turn && socket_; ++i) {
     const int error = socket_->receive(frame);
     if (error == EAGAIN || error == EINTR) return;
-    if (error != 0) return look_after_interface();
+    if (error != 0) return give_up(error);
     if (!frame.is_error)
       obey(frame);
     else if (!bus_.heard(frame))
@@ -210,15 +224,18 @@ void CanLink::obey(const CanSocket::Frame& frame) {
   if (socket_) send(can_ack, encode(ack));
 }
 
-/// Nobody has anything to say to us by ISO-TP; how a transfer ended is told as an error.
+/// Nobody has anything to say to us by ISO-TP; how a transfer ended is told as an error. The next
+/// block gets a socket of its own: one that has lost its interface would report that for ever.
 void CanLink::read_isotp() {
   std::string anything;
   const int error = isotp_->receive(anything);
   if (error == 0 || error == EAGAIN || error == EINTR) return;
+  isotp_io_ = {};
+  isotp_.reset();
+  if (error == ENETDOWN || error == ENODEV || error == EADDRNOTAVAIL) return;  // the bus' fault
   ++transfers_failed_;
   once_.warning("transfer",
                 std::string("CAN: a document was not taken to its end: ") + std::strerror(error));
-  if (error == ENETDOWN || error == ENODEV) look_after_interface();
 }
 
 CanOutcome CanLink::send_block(int number) {

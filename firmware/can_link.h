@@ -34,7 +34,9 @@ class CanLink {
   void open(const CanInterface& interface);
   void open_isotp();
   void close(const CanInterface& now);
+  void give_up(int error);
   void renew_report();
+  bool has_other_result(const nlohmann::ordered_json& status);
   void renew_result();
   void set_result(std::string text);
   void tell_report();
@@ -56,7 +58,8 @@ class CanLink {
   EventLoop::Source timer_, io_, isotp_io_;
 
   CanReport report_;
-  CanDocument newest_, sending_;  ///< the newest result, and the one whose blocks are asked for
+  CanDocument newest_, sending_;      ///< the newest result, and the one whose blocks are asked for
+  nlohmann::ordered_json result_of_;  ///< what the status said when it was asked for
   int last_sequence_ = 0;
   std::uint64_t tenth_ = 0, next_look_ = 0, result_renewed_at_ = 0;
   int commands_left_ = 0;  ///< that are taken until the next tick

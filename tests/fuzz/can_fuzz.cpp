@@ -54,7 +54,8 @@ void commands(std::string_view bytes) {
   });
   int with_key = 0;
   auto now = CanOrders::Clock::time_point(std::chrono::hours(1));
-  while (!bytes.empty()) {
+  constexpr int enough = 40;  // frames: the lock and what is remembered are reached by then
+  for (int i = 0; i < enough && !bytes.empty(); ++i) {
     const std::size_t size =
         std::min<std::size_t>(static_cast<unsigned char>(bytes[0]) % 65, bytes.size() - 1);
     CanPayload payload{};

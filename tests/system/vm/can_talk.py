@@ -12,7 +12,7 @@ import time
 import zlib
 
 BASE = 0x680
-COMMAND, ACK, DOCUMENT, FLOW = BASE + 3, BASE + 4, BASE + 6, BASE + 7
+COMMAND, ACK, RESULT, DOCUMENT, FLOW = (BASE + offset for offset in range(3, 8))
 START, STOP, BLOCK = 1, 2, 4
 OUTCOMES = ("ok", "refused", "forbidden", "unknown", "malformed", "locked", "busy", "unsupported")
 PATIENCE_S = 60
@@ -37,19 +37,36 @@ class Bus:
     def command(self, order: int, sequence: int, key: int = 0, argument: int = 0) -> dict:
         return self.send(struct.pack("<BBHI", order, sequence, argument, key))
 
+    def block(self, number: int) -> tuple:
+        """What its header says, and its text."""
+        while (answer := self.command(BLOCK, number, 0, number))["outcome"] == "busy":
+            time.sleep(0.05)
+        assert answer["outcome"] == "ok", answer
+        block = self.long.recv(8192)
+        version, sequence, this, blocks, _, length, crc32 = struct.unpack("<BBHHHII", block[:16])
+        assert version == 1 and this == number and len(block) <= 4000, (version, this, len(block))
+        return (sequence, blocks, length, crc32), block[16:]
+
     def document(self) -> bytes:
-        text, number, blocks = b"", 0, 1
-        while number < blocks:
-            while (answer := self.command(BLOCK, number, 0, number))["outcome"] == "busy":
-                time.sleep(0.05)
-            assert answer["outcome"] == "ok", answer
-            block = self.long.recv(8192)
-            version, sequence, this, blocks, _, length, crc32 = struct.unpack("<BBHHHII", block[:16])
-            assert version == 1 and this == number and len(block) <= 4000, (version, this, len(block))
-            text += block[16:]
-            number += 1
-        assert len(text) == length and zlib.crc32(text) == crc32, (len(text), length)
+        head, text = self.block(0)
+        return self.rest(head, text)
+
+    def rest(self, head: tuple, text: bytes) -> bytes:
+        for number in range(1, head[1]):
+            its_head, piece = self.block(number)
+            assert its_head == head, (its_head, head)
+            text += piece
+        assert len(text) == head[2] and zlib.crc32(text) == head[3], (len(text), head)
         return text
+
+
+def await_another_result(interface: str, sequence: int) -> None:
+    with socket.socket(socket.PF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as results:
+        results.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, struct.pack("=II", RESULT, 0x7FF))
+        results.settimeout(PATIENCE_S)
+        results.bind((interface,))
+        while results.recv(16)[8] == sequence:
+            pass
 
 
 def over_tcp(port: int) -> bytes:
@@ -63,8 +80,10 @@ def over_tcp(port: int) -> bytes:
     raise AssertionError("no answer on TCP")
 
 
-def commands(bus: Bus, key: int) -> dict:
-    """Each by a name; the state machine is the box's own."""
+def commands(bus: Bus, interface: str, key: int, port: int) -> dict:
+    """Each by a name; the state machine is the box's own. A document that was begun before a session goes on after it as it was."""
+    was = over_tcp(port)
+    head, begun = bus.block(0)
     answers = {
         "no key": bus.command(START, 1),
         "a wrong key": bus.command(START, 2, key ^ 1),
@@ -77,19 +96,22 @@ def commands(bus: Bus, key: int) -> dict:
         "stop": bus.command(STOP, 8, key),
     }
     answers |= {f"wrong {n}": bus.command(START, 10 + n, 12345) for n in range(5)}
-    return answers | {"right, but locked": bus.command(START, 20, key)}
+    answers |= {"right, but locked": bus.command(START, 20, key)}
+    await_another_result(interface, head[0])
+    answers["a document begun before"] = {"same": bus.rest(head, begun) == was, "bytes": len(was), "newest_bytes": len(bus.document())}
+    return answers
 
 
 def main() -> None:
-    what, interface, argument, out = sys.argv[1:]
+    what, interface, port, token_file, out = sys.argv[1:]
     bus = Bus(interface)
     if what == "document":
-        over_can, tcp = bus.document(), over_tcp(int(argument))
+        over_can, tcp = bus.document(), over_tcp(int(port))
         pathlib.Path(out).write_text(json.dumps({"bytes": len(tcp), "same": over_can == tcp}))
     else:
-        token = pathlib.Path(argument).read_text().strip()
+        token = pathlib.Path(token_file).read_text().strip()
         key = int.from_bytes(hashlib.sha256(token.encode()).digest()[:4], "big")
-        pathlib.Path(out).write_text(json.dumps(commands(bus, key)))
+        pathlib.Path(out).write_text(json.dumps(commands(bus, interface, key, int(port))))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,6 @@ PERIODIC = {BASE + offset for offset in (0, 1, 2, 5, *range(8, 32))}
 
 PRELUDE = """
 set -e
-modprobe -a vcan can-raw can-isotp
 tar xf state.tar -C /run
 tar xf packages.tar -C /run
 export THROWCAL_TOKEN=$(cat /run/state/token)
@@ -53,6 +52,7 @@ number() { [[ $reply =~ \\"$1\\":([0-9.]+) ]] && echo "${BASH_REMATCH[1]}"; }
 """
 
 SCRIPT = """
+modprobe -a vcan vxcan can-raw can-isotp
 start_box rig.toml
 await '"can":.*"state":"missing"'
 ip link add dev can0 type vcan
@@ -68,19 +68,21 @@ date +%s.%N > out/begin
 ./throwcal status --can can0 --json > out/status.json
 ./throwcal --can can0 status > out/status
 ./throwcal status --can can0 --unit 7 > out/unit7 2>&1 || echo $? >> out/unit7
+cansend can0 683#0463000000000000 # who asks for a document and does not take it
+await '"transfers_failed":1'
 fetch --can can0 --output out/can.json
 fetch --host $host --output out/tcp.json
-python3 can_talk.py document can0 $(cat /run/port) out/document
+python3 can_talk.py document can0 $(cat /run/port) /run/state/token out/document
 PYTHONPATH=/run/packages python3 can_client.py > out/client
 ask
 echo "$reply" > out/after
 date +%s.%N > out/end
 
-./throwcal capture start --can can0 > out/start
+python3 can_talk.py commands can0 $(cat /run/port) /run/state/token out/commands
+until ./throwcal capture start --can can0 > out/start 2> out/locked; do kill -0 $box; sleep 0.2; done # the lock ends
 await '"state":"(warming-up|capturing)"'
 ./throwcal capture stop --can can0 > out/stop
 ./throwcal capture start --can can0 --token wrong-token > out/wrong 2>&1 || echo $? >> out/wrong
-python3 can_talk.py commands can0 /run/state/token out/commands
 kill $recorder
 
 cansend can0 20000004#0020000000000000 # the controller says: error-passive
@@ -147,7 +149,8 @@ stop_box
 """
 
 CARDS = """
-modprobe kvaser_pci
+modprobe -a kvaser_pci can-raw
+echo /bin/false > /proc/sys/kernel/modprobe # no can-isotp
 for card in can0 can1; do ip link set $card type can bitrate 500000 restart-ms 100; done
 ip link set can0 txqueuelen 1
 start_box rig.toml
@@ -156,6 +159,13 @@ ip link set can0 up
 ip link set can1 up
 await '"can":.*"state":"up"'
 await '"result":."state":"done"'
+await '"isotp_problem":"this kernel has no ISO-TP .module can-isotp."'
+./throwcal fetch --can can1 > out/no_isotp 2>&1 || echo $? >> out/no_isotp
+candump -n 1 -L can1,684:7FF > out/unsupported &
+answer=$!
+until ! kill -0 $answer 2> /dev/null; do cansend can1 683#0463000000000000; sleep 0.05; done
+echo /sbin/modprobe > /proc/sys/kernel/modprobe
+modprobe can-isotp
 fetch --host $host --output out/tcp.json
 fetch --can can1 --output out/can.json
 cangen can0 -g 0 -I 100 -L 8 -i & # fills the queue of one place, from the same machine
@@ -351,6 +361,8 @@ def check_clients(result: vm.Result) -> None:
 
 def check_commands(result: vm.Result) -> None:
     answers = json.loads(result.text("commands"))
+    frozen = answers.pop("a document begun before")
+    assert frozen["same"] and frozen["bytes"] > 2 * 4000 and frozen["newest_bytes"] < frozen["bytes"], frozen
     outcomes = {name: answer["outcome"] for name, answer in answers.items()}
     print(f"  commands: {outcomes}", flush=True)
     assert outcomes == {
@@ -396,6 +408,7 @@ def check_faults(result: vm.Result) -> None:
         ("error-passive", 1),
         ("its queue is full", 1),
         ("without the box's key", 1),
+        ("not taken to its end", 1),
         ("can0 is up", 1),
         ("can0 is back", 4),
     ):
@@ -455,6 +468,8 @@ def main() -> None:
             assert last["state"] == "up" and last["reopened"] == 1, last
             assert cards.files["can.json"] == cards.files["tcp.json"]
             assert cards.text("across").startswith("done: "), cards.text("across")
+            assert cards.text("no_isotp") == "throwcal: this machine's kernel has no ISO-TP: modprobe can-isotp\n1\n", cards.text("no_isotp")
+            assert " 684#046307" in cards.text("unsupported") and last["isotp_problem"] is None, (cards.text("unsupported"), last)
 
 
 if __name__ == "__main__":
