@@ -149,8 +149,9 @@ void Daemon::end_capture() {
 
 void Daemon::take_news() {
   News news = news_.take();
-  const bool ended = news.cameras_ended;
+  const bool ended = news.cameras_ended, was_watching = session_.is_watching();
   follow([&] { keeper_.take(std::move(news)); });
+  if (was_watching && !session_.is_watching()) ended_itself_ = std::chrono::steady_clock::now();
   if (ended) {
     log_warning("every camera has ended");
     follow([&] { session_.cameras_ended(); });

@@ -87,6 +87,7 @@ class Daemon {
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;
+  std::chrono::steady_clock::time_point ended_itself_{};  ///< when a session last did
   std::optional<EstimatorThread> estimator_;
   std::optional<Panel> panel_;
   EventLoop::Source term_, interrupt_, news_source_, ticker_;

@@ -3,6 +3,11 @@
 #include "firmware/input_error.h"
 
 namespace throwcal {
+namespace {
+
+constexpr std::chrono::seconds late_press{2};
+
+}  // namespace
 
 std::filesystem::path Daemon::token_file() const {
   return config_.token_file.value_or(settings_.state_dir / "token");
@@ -18,6 +23,8 @@ bool Daemon::obey(Press press) {
       abort_capture();
     else if (session_.is_watching())
       stop_capture();
+    else if (std::chrono::steady_clock::now() < ended_itself_ + late_press)
+      log_info("button: the session had just ended by itself");  // whoever pressed meant that one
     else
       start_capture();
     return true;

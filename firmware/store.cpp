@@ -21,6 +21,7 @@ constexpr std::int64_t ids_per_session = 10'000;
 /// Deleting needs a little room, which a full disk has not: this file has kept it.
 constexpr std::size_t reserve_bytes = 256 * 1024;
 constexpr const char* extension = ".throwcal";
+constexpr int used_by_another = -2;  // in place of the lock's descriptor
 
 std::string name_of(std::int64_t id) {
   char name[32];
@@ -57,9 +58,9 @@ bool is_over(const SessionFacts& facts) {
 Store::Store(std::filesystem::path state_dir, StoreSettings settings)
     : state_dir_(std::move(state_dir)), folder_(state_dir_ / "sessions"), settings_(settings) {
   try {
-    take_lock();
+    ready();
   } catch (const StoreError&) {
-    if (lock_ == -2) throw;
+    if (lock_ == used_by_another) throw;
   }
 }
 
@@ -74,9 +75,7 @@ Store::~Store() {
   if (lock_ >= 0) close(lock_);
 }
 
-/// -2: somebody else has it.
 void Store::take_lock() {
-  if (lock_ >= 0) return;
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
   if (error) throw unusable(state_dir_, error.message());
@@ -84,26 +83,36 @@ void Store::take_lock() {
   if (fd < 0) throw unusable(state_dir_, std::strerror(errno));
   if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
     close(fd);
-    lock_ = -2;
+    lock_ = used_by_another;
     throw StoreError(state_dir_.string() + ": another throwcald is using it");
   }
   lock_ = fd;
 }
 
+/// What is there can be read though nothing can be written.
 void Store::ready() {
-  take_lock();
   if (!is_read_) read_folder();
-  lay_reserve();
+  if (lock_ < 0) {
+    take_lock();
+    read_folder();  // now with what only a writer can mend
+  }
+  if (access(folder_.c_str(), W_OK) != 0) throw unusable(folder_, std::strerror(errno));
+  if (!lay_reserve() && !make_room())
+    throw StoreError(
+        folder_.string() + ": the disk is full; delete sessions, or what else is on it", true);
 }
 
 void Store::read_folder() {
   sessions_.clear();
   std::error_code error;
   for (const auto& item : std::filesystem::directory_iterator(folder_, error)) {
-    if (item.path().extension() == ".new") std::filesystem::remove(item.path(), error);
+    if (lock_ >= 0 && item.path().extension() == ".new")
+      std::filesystem::remove(item.path(), error);
     if (const auto id = id_of(item.path())) sessions_[*id] = entry_of(item.path());
   }
-  if (error) throw unusable(folder_, error.message());
+  const bool is_absent =
+      error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory;
+  if (error && !is_absent) throw unusable(folder_, error.message());
   const std::filesystem::path last = state_dir_ / "last-session";
   if (std::filesystem::exists(last, error))
     last_id_ = std::max(last_id_, std::int64_t{std::atoll(read_text_file(last).c_str())});
@@ -148,16 +157,17 @@ auto Store::written(const Work& work) {
   }
 }
 
-/// Room that deleting needs, kept while there is some.
-void Store::lay_reserve() {
+/// Room that deleting needs, kept while there is some. False: there is none.
+bool Store::lay_reserve() {
   const std::filesystem::path reserve = state_dir_ / "reserve";
   std::error_code error;
-  if (std::filesystem::exists(reserve, error)) return;
+  if (std::filesystem::exists(reserve, error)) return true;
   const int fd = open(reserve.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0640);
-  if (fd < 0) throw unusable(state_dir_, std::strerror(errno));
-  const int full = posix_fallocate(fd, 0, reserve_bytes);
+  if (fd < 0) return false;
+  const bool is_laid = posix_fallocate(fd, 0, reserve_bytes) == 0;
   close(fd);
-  if (full != 0) unlink(reserve.c_str());
+  if (!is_laid) unlink(reserve.c_str());
+  return is_laid;
 }
 
 /// False: there is no evidence left but that of the session under way.

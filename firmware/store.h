@@ -79,7 +79,7 @@ class Store {
   template <typename Work>
   auto written(const Work& work);
   bool make_room();
-  void lay_reserve();
+  bool lay_reserve();
   Json summary(std::int64_t id, const Entry& entry) const;
   std::optional<Json> document_of(std::int64_t session, std::int64_t number) const;
 
