@@ -265,6 +265,16 @@ void read_simulation(TomlTable table, SimulatedSceneSettings& s) {
   refuse_unread(table);
 }
 
+/// `listen = ""` or "off": no HTTP.
+void read_http(TomlTable table, HttpSettings& http) {
+  if (const auto listen = table.text("listen")) {
+    const bool is_off = listen->empty() || *listen == "off";
+    http.listen = is_off ? std::nullopt : parse_address(*listen, http.listen->port);
+    if (!is_off && !http.listen) table.reject("listen", "\"ADDRESS\", \"ADDRESS:PORT\" or \"off\"");
+  }
+  refuse_unread(table);
+}
+
 void read_daemon(TomlTable table, const std::filesystem::path& folder, Config& config) {
   if (const auto listen = table.text("listen")) {
     const auto address = parse_address(*listen, config.listen.port);
@@ -314,7 +324,7 @@ toml::table parse(std::string_view toml, const std::string& name) {
 void warn_of_unknown_tables(const toml::table& document, const std::string& name, Config& config) {
   static const std::set<std::string_view> known{"site",   "ball",       "target", "timing",
                                                 "camera", "simulation", "daemon", "can",
-                                                "button", "light"};
+                                                "button", "light",      "http"};
   for (const auto& [key, node] : document)
     if (!known.contains(key.str()))
       config.warnings.push_back(name + ":" + std::to_string(node.source().begin.line) + ": " +
@@ -341,6 +351,7 @@ Config parse_config(std::string_view toml, const std::string& name,
   read_can(top.table("can"), config);
   config.button = read_button(top.table("button"));
   config.light = read_light(top.table("light"));
+  read_http(top.table("http"), config.http);
   return config;
 }
 
@@ -357,26 +368,6 @@ std::optional<Colour> parse_colour(std::string_view text) {
     if (error != std::errc{} || end != digits + 2) return std::nullopt;
   }
   return colour;
-}
-
-std::optional<ListenAddress> parse_address(std::string_view text, int default_port) {
-  ListenAddress out{.host = std::string(text), .port = default_port};
-  const std::size_t colon = text.rfind(':');
-  const bool bracketed = text.starts_with('[');
-  const bool bare_v6 = !bracketed && colon != text.npos && text.find(':') != colon;
-  if (colon != text.npos && !bare_v6 && !text.ends_with(']')) {
-    const std::string_view port = text.substr(colon + 1);
-    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), out.port);
-    if (error != std::errc{} || end != port.data() + port.size()) return {};
-    if (out.port < 0 || out.port > 65535) return {};
-    out.host = std::string(text.substr(0, colon));
-  }
-  if (bracketed) {
-    if (!out.host.ends_with(']')) return {};
-    out.host = out.host.substr(1, out.host.size() - 2);
-  }
-  if (out.host.empty()) return {};
-  return out;
 }
 
 }  // namespace throwcal

@@ -12,15 +12,11 @@
 #include "estimator/rig_description.h"
 #include "firmware/can_settings.h"
 #include "firmware/panel_settings.h"
+#include "firmware/http_settings.h"
+#include "firmware/listen_address.h"
 #include "firmware/toml_table.h"
 
 namespace throwcal {
-
-/// Where a service listens.
-struct ListenAddress {
-  std::string host = "0.0.0.0";
-  int port = 7710;  ///< 0: any free one
-};
 
 /// How a camera's pictures come.
 struct CameraInput {
@@ -39,6 +35,7 @@ struct Config {
   SimulatedSceneSettings simulation;
   ListenAddress listen;
   std::optional<CanSettings> can;  ///< absent: no CAN
+  HttpSettings http;
   std::optional<std::filesystem::path> state_dir;
   std::optional<std::filesystem::path> token_file;  ///< default: `token` in the state folder
   std::string unit;                                 ///< this box's name; empty: the host's
@@ -68,8 +65,5 @@ std::string to_toml(const Config& config);
 
 /// "#d7eb5a": red, green, blue. Nothing where it is not that.
 std::optional<Colour> parse_colour(std::string_view text);
-
-/// "HOST", "HOST:PORT" or "[V6]:PORT"; nothing where it is none of these.
-std::optional<ListenAddress> parse_address(std::string_view text, int default_port);
 
 }  // namespace throwcal

@@ -83,17 +83,14 @@ std::string to_toml(const Config& config) {
       << "\n\n[target]\nposition_m = " << shortest(rig.target.position_m)
       << "\nrotation_rad = " << shortest(rig.target.rotation_rad)
       << "\n\n[timing]\noffsets = " << (rig.estimate_offsets ? "\"estimate\"" : "\"none\"")
-      << "\n\n[daemon]\nlisten = "
-      << quoted((config.listen.host.find(':') == std::string::npos
-                     ? config.listen.host
-                     : "[" + config.listen.host + "]") +
-                ":" + std::to_string(config.listen.port))
-      << "\n";
+      << "\n\n[daemon]\nlisten = " << quoted(to_text(config.listen)) << "\n";
   if (!config.unit.empty()) out << "unit = " << quoted(config.unit) << "\n";
   if (config.token_file) out << "token_file = " << quoted(config.token_file->string()) << "\n";
   if (config.state_dir) out << "state_dir = " << quoted(config.state_dir->string()) << "\n";
   if (config.can) write_can(out, *config.can);
   out << to_toml(config.button) << to_toml(config.light);
+  out << "\n[http]\nlisten = " << quoted(config.http.listen ? to_text(*config.http.listen) : "off")
+      << "\n";
   write_simulation(out, config.simulation);
   for (std::size_t i = 0; i < rig.cameras.size(); ++i)
     write_camera(out, rig.cameras[i], config.inputs[i]);

@@ -2,68 +2,23 @@
 #include "firmware/tcp_link.h"
 
 #include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
-
-#include "firmware/input_error.h"
 
 namespace throwcal {
 namespace {
 
 using namespace std::chrono_literals;
 constexpr auto farewell_time = 2s;
-constexpr int keepalive_idle_s = 60;
 
-void set_option(int fd, int level, int option, int value) {
-  setsockopt(fd, level, option, &value, sizeof value);
-}
-
-int listen_at(const addrinfo& at) {
-  const int fd = socket(at.ai_family, at.ai_socktype | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (fd < 0) return -1;
-  set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1);
-  if (bind(fd, at.ai_addr, at.ai_addrlen) == 0 && listen(fd, SOMAXCONN) == 0) return fd;
-  const int error = errno;
-  close(fd);
-  errno = error;
-  return -1;
-}
-
-int open_listener(const ListenAddress& address) {
-  const std::string place = address.host + ":" + std::to_string(address.port);
-  addrinfo hints{}, *found = nullptr;
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_PASSIVE;
-  if (const int error =
-          getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found);
-      error != 0)
-    throw InputError("can't listen at " + place + ": " + gai_strerror(error));
-  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> owner(found, freeaddrinfo);
-  if (const int fd = listen_at(*found); fd >= 0) return fd;
-  throw InputError("can't listen at " + place + ": " + std::strerror(errno) +
-                   (errno == EADDRINUSE ? "; is another throwcald running?" : ""));
-}
-
-/// The number a socket got, where 0 was asked for.
-int port_of(int fd) {
-  sockaddr_storage at{};
-  socklen_t size = sizeof at;
-  getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size);
-  return ntohs(at.ss_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(at).sin6_port
-                                        : reinterpret_cast<sockaddr_in&>(at).sin_port);
-}
-
-std::string host_of(const sockaddr_storage& peer, socklen_t size) {
+std::string host_of(const ListenSocket::Peer& peer) {
   char host[NI_MAXHOST] = "?";
-  getnameinfo(reinterpret_cast<const sockaddr*>(&peer), size, host, sizeof host, nullptr, 0,
-              NI_NUMERICHOST);
+  getnameinfo(reinterpret_cast<const sockaddr*>(&peer.address), peer.address_size, host,
+              sizeof host, nullptr, 0, NI_NUMERICHOST);
   return host;
 }
 
@@ -93,15 +48,11 @@ TcpLink::TcpLink(EventLoop& loop, const ListenAddress& address, JsonRpc& rpc,
       rpc_(rpc),
       hello_(std::move(hello)),
       settings_(settings),
-      listener_(open_listener(address)),
-      port_(port_of(listener_)),
-      accept_source_(loop.on_io(listener_, EPOLLIN, [this](std::uint32_t) { accept_all(); })) {}
+      listener_(loop, address, [this](const ListenSocket::Peer& peer) { greet(peer); }) {}
 
 TcpLink::~TcpLink() {
   for (const auto& client : clients_) write_out(*client);  // the loop has ended: no waiting
   clients_.clear();
-  accept_source_ = {};
-  close(listener_);
 }
 
 std::size_t TcpLink::clients() const {
@@ -113,35 +64,18 @@ void TcpLink::forget_tokens() {
   for (const auto& client : clients_) client->caller.knows_token = false;
 }
 
-void TcpLink::accept_all() {
-  for (;;) {
-    sockaddr_storage peer{};
-    socklen_t size = sizeof peer;
-    const int fd =
-        accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (fd < 0 && errno == EINTR) continue;
-    if (fd < 0 && errno != EAGAIN)
-      once_.warning("accept", std::string("a client can't be accepted: ") + std::strerror(errno));
-    if (fd < 0) return;
-    if (clients_.size() >= 2 * settings_.max_clients) {  // too many even to be told so
-      close(fd);
-      continue;
-    }
-    greet(fd, host_of(peer, size));
+void TcpLink::greet(const ListenSocket::Peer& peer) {
+  if (clients_.size() >= 2 * settings_.max_clients) {  // too many even to be told so
+    close(peer.fd);
+    return;
   }
-}
-
-void TcpLink::greet(int fd, std::string host) {
-  set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
-  set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
-  set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, keepalive_idle_s);
   const bool refused = clients() >= settings_.max_clients;
   Client& client = *clients_.emplace_back(std::make_unique<Client>());
-  client.fd = fd;
-  client.host = std::move(host);
+  client.fd = peer.fd;
+  client.host = host_of(peer);
   client.refused = refused;
-  client.io =
-      loop_.on_io(fd, EPOLLIN, [this, &client](std::uint32_t events) { serve(client, events); });
+  client.io = loop_.on_io(peer.fd, EPOLLIN,
+                          [this, &client](std::uint32_t events) { serve(client, events); });
   if (!refused) return send(client, JsonRpc::to_line(JsonRpc::notification("hello", hello_())));
   once_.warning("clients", "more than " + std::to_string(settings_.max_clients) +
                                " clients: further ones are refused");

@@ -5,10 +5,10 @@
 #include <memory>
 #include <string>
 
-#include "firmware/config.h"
 #include "firmware/event_loop.h"
 #include "firmware/journal.h"
 #include "firmware/json_rpc.h"
+#include "firmware/listen_socket.h"
 
 namespace throwcal {
 
@@ -27,7 +27,7 @@ class TcpLink {
           std::function<JsonRpc::Json()> hello, TcpLinkSettings settings = {});
   ~TcpLink();
 
-  int port() const { return port_; }
+  int port() const { return listener_.port(); }
   std::size_t clients() const;
   void forget_tokens();  ///< that clients have shown: there is a new one
   /// Sends a notification to all who subscribed. Who has not read the last one yet gets the newest
@@ -37,8 +37,7 @@ class TcpLink {
  private:
   struct Client;
 
-  void accept_all();
-  void greet(int fd, std::string host);
+  void greet(const ListenSocket::Peer& peer);
   void serve(Client& client, std::uint32_t events);
   void read(Client& client);
   void hang_up(Client& client);
@@ -53,10 +52,9 @@ class TcpLink {
   JsonRpc& rpc_;
   std::function<JsonRpc::Json()> hello_;
   TcpLinkSettings settings_;
-  int listener_ = -1, port_ = 0;
   LogOnce once_;
-  EventLoop::Source accept_source_;
   std::list<std::unique_ptr<Client>> clients_;
+  ListenSocket listener_;
 };
 
 }  // namespace throwcal

@@ -306,6 +306,22 @@ TEST(Config, HasCanOnlyWhereItIsAskedFor) {
   EXPECT_EQ(refused("bitrate = 500"), "rig.toml:2: [can] bitrate is not a known key");
 }
 
+TEST(Config, HttpIsOnUnlessItIsSaidOtherwise) {
+  EXPECT_EQ(to_text(*parsed(north + east).http.listen), "0.0.0.0:8080");
+  EXPECT_EQ(to_text(*parsed("[http]\nlisten = \"[::1]\"\n" + north + east).http.listen),
+            "[::1]:8080");
+  for (const std::string off : {"", "off"}) {
+    const Config config = parsed("[http]\nlisten = \"" + off + "\"\n" + north + east);
+    EXPECT_FALSE(config.http.listen);
+    EXPECT_FALSE(parse_config(to_toml(config), "back.toml").http.listen);
+  }
+  EXPECT_EQ(error_of("[http]\nlisten = \":80\"\n" + north + east),
+            "rig.toml:2: [http] listen must be \"ADDRESS\", \"ADDRESS:PORT\" or \"off\", got "
+            "\":80\"");
+  EXPECT_EQ(error_of("[http]\nlitsen = \"off\"\n" + north + east),
+            "rig.toml:2: [http] litsen is not a known key");
+}
+
 TEST(Address, IsAHostWithOrWithoutAPort) {
   const auto shown = [](const std::string& text) {
     const auto address = parse_address(text, 7710);
