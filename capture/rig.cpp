@@ -58,6 +58,11 @@ class Station {
     grabber_.join();
   }
 
+  FrameSightings last_sightings() const {
+    const std::lock_guard lock(mutex_);
+    return last_;
+  }
+
   CameraStats stats() const {
     const std::lock_guard lock(mutex_);
     CameraStats now = stats_;
@@ -72,20 +77,21 @@ class Station {
   void detect() {
     while (const auto lease = grabber_.take()) {
       FrameSightings found = detector_.detect(lease->frame());
-      count(lease->frame(), found.sightings.size());
+      count(lease->frame(), found);
       crops_.keep(lease->frame(), found.sightings);
       queue_.push(std::move(found), grabber_.camera().waits_for_reader());
     }
   }
 
-  void count(const Frame& frame, std::size_t sightings) {
+  void count(const Frame& frame, const FrameSightings& found) {
     const std::lock_guard lock(mutex_);
+    last_ = found;
     stats_.timestamp_source = frame.timestamp_source;
     stats_.time_sigma_s = seconds(frame.time_sigma);
     stats_.view = detector_.view();
     ++stats_.frames_by_view[static_cast<std::size_t>(stats_.view)];
     ++stats_.frames;
-    stats_.sightings += sightings;
+    stats_.sightings += found.sightings.size();
     ++rate_frames_;
     const auto now = Clock::now();
     if (now - rate_since_ < std::chrono::seconds(1)) return;
@@ -101,6 +107,7 @@ class Station {
   std::thread detecting_;
   mutable std::mutex mutex_;
   CameraStats stats_;
+  FrameSightings last_;
   Clock::time_point rate_since_;
   int rate_frames_ = 0;
 };
@@ -150,6 +157,10 @@ std::optional<FrameLease> Rig::newest(CameraId camera) {
 
 std::optional<PictureCrop> Rig::crop_of(const BallSighting& sighting) const {
   return impl_->stations.at(sighting.camera)->crop_of(sighting);
+}
+
+FrameSightings Rig::last_sightings(CameraId camera) const {
+  return impl_->stations.at(camera)->last_sightings();
 }
 
 std::vector<CameraStats> Rig::stats() const {

@@ -57,6 +57,9 @@ class Rig {
   std::optional<FrameLease> newest(CameraId camera);
   /// What a sighting looked like; nothing where that is gone. Thread-safe.
   std::optional<PictureCrop> crop_of(const BallSighting& sighting) const;
+  /// What was found in the last frame that a camera's detector has seen; no time before the first.
+  /// Thread-safe.
+  FrameSightings last_sightings(CameraId camera) const;
   std::vector<CameraStats> stats() const;  ///< thread-safe
   std::uint64_t sightings_dropped()
       const;  ///< frames' worth of sightings lost because the queue was full
