@@ -16,6 +16,8 @@
 #include "firmware/cameras.h"
 #include "firmware/export.h"
 #include "firmware/input_error.h"
+#include "firmware/metrics.h"
+#include "firmware/support_bundle.h"
 #include "firmware/text_file.h"
 
 namespace throwcal {
@@ -79,9 +81,11 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
       session_(config_.rig.cameras.size()),
       keeper_(session_, store_, rig_, config_.keep_evidence),
       rpc_([this] { return access_.is_open(Access::Clock::now()); }),
-      link_(loop_, config_.listen, rpc_, [this] { return hello(); }) {
+      link_(loop_, config_.listen, rpc_, [this] { return hello(); }),
+      previews_(rig_) {
   add_methods(rpc_, *this);
   if (config_.can) can_.emplace(loop_, *config_.can, rpc_, access_.short_key());
+  if (config_.http.listen) open_http();
   term_ = loop_.on_signal(SIGTERM, [this] { loop_.quit(); });
   interrupt_ = loop_.on_signal(SIGINT, [this] { loop_.quit(); });
   news_source_ = loop_.on_io(news_.fd(), EPOLLIN, [this](std::uint32_t) {
@@ -94,6 +98,21 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
 
 Daemon::~Daemon() = default;
 
+void Daemon::open_http() {
+  std::vector<std::string> names;
+  for (const CameraDescription& camera : config_.rig.cameras) names.push_back(camera.name);
+  const auto preview = [this](CameraId camera) {
+    return previews_.newest(camera, Previews::Clock::now());
+  };
+  http_.emplace(loop_, *config_.http.listen, rpc_,
+                HttpSources{names, preview, [this] { return metrics(); },
+                            [this] { return support_bundle(rpc_, config_, metrics()); }});
+}
+
+std::string Daemon::metrics() {
+  return to_metrics(status(), {config_.rig.target, link_.clients(), http_->connections()});
+}
+
 void Daemon::run() {
   rig_.start();
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
@@ -102,8 +121,11 @@ void Daemon::run() {
   panel_.emplace(loop_, config_.button, config_.light, [this](Press press) { return obey(press); });
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
+  if (!settings_.http_port_file.empty() && http_)
+    write_text_file(settings_.http_port_file, std::to_string(http_->port()) + "\n");
   const std::string listening =
-      "listening at " + config_.listen.host + ":" + std::to_string(link_.port());
+      "listening at " + config_.listen.host + ":" + std::to_string(link_.port()) +
+      (http_ ? ", HTTP " + config_.http.listen->host + ":" + std::to_string(http_->port()) : "");
   log_info(software_name() + " with " + std::to_string(config_.rig.cameras.size()) + " cameras, " +
            listening);
   sd_notifyf(0, "READY=1\nSTATUS=%s", listening.c_str());
@@ -115,6 +137,7 @@ void Daemon::run() {
 /// too.
 void Daemon::shut_down() {
   sd_notify(0, "STOPPING=1\nSTATUS=stopping");
+  http_.reset();
   const bool ended = estimator_->stop_within(estimator_patience);
   take_news();
   rig_.stop();
@@ -222,6 +245,7 @@ void Daemon::tell() {
   last_told_ = told;
   last_told_at_ = clock;
   link_.publish_status(to_json(now));
+  if (http_) http_->publish_status(to_json(now));
 }
 
 Status Daemon::status_now() const {

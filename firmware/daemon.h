@@ -9,10 +9,12 @@
 #include "firmware/config.h"
 #include "firmware/estimator_thread.h"
 #include "firmware/event_loop.h"
+#include "firmware/http_link.h"
 #include "firmware/journal.h"
 #include "firmware/json_rpc.h"
 #include "firmware/news_box.h"
 #include "firmware/panel.h"
+#include "firmware/previews.h"
 #include "firmware/session.h"
 #include "firmware/session_keeper.h"
 #include "firmware/status.h"
@@ -23,7 +25,8 @@ namespace throwcal {
 
 struct DaemonSettings {
   std::filesystem::path config_file, state_dir;
-  std::filesystem::path port_file;  ///< if not empty: gets the TCP port once it is open
+  std::filesystem::path port_file;       ///< if not empty: gets the TCP port once it is open
+  std::filesystem::path http_port_file;  ///< likewise HTTP's
 };
 
 /// The box: cameras, estimator thread, session, store and link, wired together in one main loop.
@@ -68,6 +71,8 @@ class Daemon {
   void shut_down();
   Status status_now() const;
   std::string unit() const;
+  void open_http();
+  std::string metrics();
 
   const Config config_;
   const DaemonSettings settings_;
@@ -84,6 +89,8 @@ class Daemon {
   TcpLink link_;
   std::optional<std::string> camera_trouble_, calibration_problem_;
   std::optional<CanLink> can_;
+  Previews previews_;
+  std::optional<HttpLink> http_;
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;

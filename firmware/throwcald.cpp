@@ -27,22 +27,32 @@ std::filesystem::path state_dir(const std::string& option, const throwcal::Confi
   return from_systemd ? from_systemd : "/var/lib/throwcal";
 }
 
+std::optional<throwcal::ListenAddress> http_address(const std::string& option) {
+  if (option == "off") return {};
+  const auto address = throwcal::parse_address(option, throwcal::HttpSettings{}.listen->port);
+  if (address) return address;
+  throw throwcal::InputError("--http-listen " + option + ": expected ADDRESS, ADDRESS:PORT or off");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace throwcal;
   silence_video_libraries();
   CLI::App app("throwcald: watches thrown balls and calibrates the cameras.", "throwcald");
-  std::string config_file, listen, state, port_file;
+  std::string config_file, listen, http_listen, state, port_file, http_port_file;
   app.set_version_flag("--version", "throwcal " THROWCAL_VERSION);
   app.add_option("--config", config_file, "The rig file (TOML)");
   bool show_states = false;
   app.add_flag("--states", show_states, "Print what every event does in every state, and leave");
   app.add_option("--listen", listen, "ADDRESS:PORT, in place of the rig file's; port 0: any");
+  app.add_option("--http-listen", http_listen,
+                 "Likewise for HTTP; \"off\": none; default: the rig file's, or 0.0.0.0:8080");
   app.add_option("--state-dir", state, "Where sessions and calibrations are kept");
   app.add_option("--port-file", port_file, "A file that gets the port once it is open");
   bool only_check = false;
   app.add_flag("--check", only_check, "Say what is understood of the rig file, and end");
+  app.add_option("--http-port-file", http_port_file, "Likewise for HTTP's port");
   prepare_signals();
   try {
     app.parse(argc, argv);
@@ -63,7 +73,8 @@ int main(int argc, char** argv) {
       std::printf("%s%s: ok\n", summary(config).c_str(), config_file.c_str());
       return 0;
     }
-    Daemon(config, {config_file, state_dir(state, config), port_file}).run();
+    if (!http_listen.empty()) config.http.listen = http_address(http_listen);
+    Daemon(config, {config_file, state_dir(state, config), port_file, http_port_file}).run();
     return 0;
   } catch (const CLI::Success& asked_for_help) {
     return app.exit(asked_for_help);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A throwcald of one's own for a test: a simulated rig, a free port, a state folder, and whoever talks to it."""
+
 import contextlib
 import json
 import os
@@ -72,15 +73,31 @@ class Box:
         self.notify.bind(str(notify_path))
         self.ready = threading.Event()
         threading.Thread(target=self.read_notices, daemon=True).start()  # as systemd does: unread, they would block the sender
-        port_file = folder / "port"
+        port_file, http_port_file = folder / "port", folder / "http_port"
         port_file.unlink(missing_ok=True)
         began = time.monotonic()
         self.process = subprocess.Popen(
-            [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--state-dir", folder / "state",
-             "--port-file", port_file], stderr=self.log, env={**os.environ, "NOTIFY_SOCKET": str(notify_path)})
+            [
+                build / "throwcald",
+                "--config",
+                folder / "rig.toml",
+                "--listen",
+                "127.0.0.1:0",
+                "--state-dir",
+                folder / "state",
+                "--port-file",
+                port_file,
+                "--http-listen",
+                "127.0.0.1:0",
+                "--http-port-file",
+                http_port_file,
+            ],
+            stderr=self.log,
+            env={**os.environ, "NOTIFY_SOCKET": str(notify_path)},
+        )
         assert self.ready.wait(PATIENCE_S), "throwcald never said READY=1"
         self.start_s = time.monotonic() - began
-        self.port = int(port_file.read_text())
+        self.port, self.http_port = int(port_file.read_text()), int(http_port_file.read_text())
         self.token = (folder / "state" / "token").read_text().strip()
 
     def read_notices(self) -> None:

@@ -37,7 +37,7 @@ set -e
 udevadm settle
 ./loopback_player {width} {height} GREY {fps} {players} > out/written &
 while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
-./throwcald --config rig.toml --listen 127.0.0.1:0 --port-file port --state-dir state 2> out/throwcald.log &
+./throwcald --config rig.toml --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir state 2> out/throwcald.log &
 while [ ! -s port ]; do kill -0 $!; sleep 0.05; done
 host=127.0.0.1:$(cat port)
 export THROWCAL_TOKEN=$(cat state/token)

@@ -122,7 +122,7 @@ wait $!
 state=/run/throwcal # SQLite wants a file system that maps memory
 box() {{ # RIG: a throwcald
   rm -f port
-  ./throwcald --config $1 --listen 127.0.0.1:0 --port-file port --state-dir $state 2>> out/throwcald.log &
+  ./throwcald --config $1 --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir $state 2>> out/throwcald.log &
   box=$!
   await "[ -s port ]"
   host="--host 127.0.0.1:$(cat port)"

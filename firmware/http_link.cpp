@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware/http_link.h"
+
+#include <microhttpd.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "firmware/input_error.h"
+
+namespace throwcal {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = NewestStream::Clock;
+
+constexpr std::size_t memory_bytes = 32 * 1024;  ///< of a connection: its headers, too
+constexpr int send_buffer_bytes = 64 * 1024;     ///< so that a slow reader's news is not old
+constexpr std::size_t stream_block_bytes = 16 * 1024;
+constexpr std::size_t most_thrown_away_bytes = 1024 * 1024;
+constexpr std::chrono::milliseconds calm_tick = 1s, picture_tick = 100ms, picture_again = 5s,
+                                    no_timeout = 1h;
+
+NewestStream::Message message(std::string text) {
+  return std::make_shared<const std::string>(std::move(text));
+}
+
+NewestStream::Message status_event(const JsonRpc::Json& status) {
+  return message("event: status\ndata: " + JsonRpc::to_line(status) + "\n\n");
+}
+
+/// The boundary stands behind a picture, too: browsers show one when they see its end.
+NewestStream::Message picture_part(const Preview& preview, bool is_first) {
+  const std::string balls = preview.balls.empty() ? "" : "X-Balls: " + preview.balls + "\r\n";
+  return message((is_first ? "--throwcal\r\n" : "") + ("Content-Type: image/jpeg\r\n" + balls) +
+                 "Content-Length: " + std::to_string(preview.jpeg.size()) + "\r\n\r\n" +
+                 preview.jpeg + "\r\n--throwcal\r\n");
+}
+
+std::optional<std::string> header(MHD_Connection* connection, const char* name) {
+  const char* value = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
+  return value ? std::optional<std::string>(value) : std::nullopt;
+}
+
+HttpHeaders headers_of(MHD_Connection* connection) {
+  return {.authorization = header(connection, "Authorization"),
+          .idempotency_key = header(connection, "Idempotency-Key"),
+          .if_none_match = header(connection, "If-None-Match"),
+          .origin = header(connection, "Origin"),
+          .host = header(connection, "Host")};
+}
+
+bool announces_too_much(MHD_Connection* connection) {
+  const std::string length = header(connection, "Content-Length").value_or("0");
+  std::uint64_t bytes = 0;
+  const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);
+  return error != std::errc{} || bytes > HttpRoutes::most_body_bytes;
+}
+
+HttpReply too_large() {
+  return error_reply(
+      http_too_large, rpc_invalid_request,
+      "a body holds " + std::to_string(HttpRoutes::most_body_bytes) + " bytes at most");
+}
+
+HttpReply too_many(const std::string& what) {
+  HttpReply reply = error_reply(http_unavailable, rpc_refused,
+                                "the box serves " + what + " at most; try again later");
+  reply.headers.emplace_back("Retry-After", "5");
+  return reply;
+}
+
+}  // namespace
+
+struct HttpLink::Connection {
+  HttpLink& link;
+  MHD_Connection* handle = nullptr;
+  int fd = -1;
+  bool is_refused = false;  ///< over the limit: only there to be told so
+  bool is_begun = false;    ///< the headers of a request are there
+  HttpRequest request{};
+  std::size_t body_bytes = 0;                   ///< those thrown away, too
+  Clock::time_point since = Clock::now();       ///< the last request was done
+  std::optional<NewestStream> stream{};         ///< its answer is one
+  std::optional<CameraId> camera{};             ///< of the stream; nothing: the status
+  std::shared_ptr<const Preview> last_shown{};  ///< of the camera
+  bool is_suspended = false;                    ///< the stream waits for something to tell
+
+  /// Without a listening socket of its own, libmicrohttpd's descriptor does not tell of this.
+  void wake() {
+    if (!std::exchange(is_suspended, false)) return;
+    MHD_resume_connection(handle);
+    if (!link.is_ending_) link.timeout_.after(0ms);
+  }
+};
+
+struct HttpLink::Callbacks {
+  static void connection(void* self, MHD_Connection* handle, void** context,
+                         MHD_ConnectionNotificationCode code) {
+    auto& link = *static_cast<HttpLink*>(self);
+    if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
+      link.connections_.remove_if([&](const Connection& c) { return c.handle == handle; });
+      return;
+    }
+    const bool is_refused = link.connections() >= link.settings_.max_connections;
+    if (is_refused)
+      link.once_.warning("connections", "more than " +
+                                            std::to_string(link.settings_.max_connections) +
+                                            " HTTP connections: further ones are refused");
+    const int fd = MHD_get_connection_info(handle, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+    *context = &link.connections_.emplace_back(
+        Connection{.link = link, .handle = handle, .fd = fd, .is_refused = is_refused});
+  }
+
+  static Connection& of(MHD_Connection* handle) {
+    return *static_cast<Connection*>(
+        MHD_get_connection_info(handle, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context);
+  }
+
+  /// As it stands in the request line: libmicrohttpd's own decoding ends at a NUL.
+  static void* target(void*, const char* uri, MHD_Connection* handle) {
+    of(handle).request.target = uri;
+    return nullptr;
+  }
+
+  /// First with the headers, then with each piece of the body, then once more.
+  static MHD_Result request(void* self, MHD_Connection* handle, const char*, const char* method,
+                            const char*, const char* piece, std::size_t* size, void**) {
+    Connection& connection = of(handle);
+    HttpLink& link = *static_cast<HttpLink*>(self);
+    if (!std::exchange(connection.is_begun, true)) {
+      connection.request.method = method;
+      connection.request.headers = headers_of(handle);
+      if (announces_too_much(handle)) link.queue(connection, too_large());
+      return MHD_YES;
+    }
+    if (*size == 0) {
+      link.queue(connection, link.answer(connection));
+      return MHD_YES;
+    }
+    connection.body_bytes += *size;
+    if (connection.body_bytes <= HttpRoutes::most_body_bytes)
+      connection.request.body.append(piece, *size);
+    *size = 0;
+    return connection.body_bytes > most_thrown_away_bytes ? MHD_NO : MHD_YES;
+  }
+
+  static void completed(void*, MHD_Connection* handle, void**, MHD_RequestTerminationCode) {
+    Connection& connection = of(handle);
+    connection.is_begun = false;
+    connection.request = {};
+    connection.body_bytes = 0;
+    connection.stream.reset();
+    connection.camera.reset();
+    connection.last_shown.reset();
+    connection.since = Clock::now();
+  }
+
+  static ssize_t read(void* context, std::uint64_t, char* out, std::size_t most) {
+    auto& connection = *static_cast<Connection*>(context);
+    if (connection.link.is_ending_) return MHD_CONTENT_READER_END_OF_STREAM;
+    const std::size_t count = connection.stream->read({out, most});
+    if (count == 0) {
+      connection.is_suspended = true;
+      MHD_suspend_connection(connection.handle);
+    }
+    return static_cast<ssize_t>(count);
+  }
+};
+
+HttpLink::HttpLink(EventLoop& loop, const ListenAddress& address, JsonRpc& rpc, HttpSources sources,
+                   HttpLinkSettings settings)
+    : rpc_(rpc),
+      sources_(std::move(sources)),
+      routes_(rpc, sources_),
+      settings_(settings),
+      daemon_(
+          MHD_start_daemon(
+              MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr,
+              nullptr, &Callbacks::request, this, MHD_OPTION_CONNECTION_MEMORY_LIMIT, memory_bytes,
+              MHD_OPTION_CONNECTION_LIMIT, static_cast<unsigned>(2 * settings.max_connections),
+              MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(settings.idle.count()),
+              MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_CONNECTION, &Callbacks::connection,
+              this, MHD_OPTION_NOTIFY_COMPLETED, &Callbacks::completed, nullptr,
+              MHD_OPTION_URI_LOG_CALLBACK, &Callbacks::target, nullptr,
+              MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1, MHD_OPTION_END),
+          MHD_stop_daemon),
+      listener_(loop, address, [this](const ListenSocket::Peer& peer) { accept(peer); }) {
+  if (!daemon_) throw InputError("can't serve HTTP: libmicrohttpd does not start");
+  const auto* info = MHD_get_daemon_info(daemon_.get(), MHD_DAEMON_INFO_EPOLL_FD);
+  io_ = loop.on_io(info->epoll_fd, EPOLLIN, [this](std::uint32_t) { run(); });
+  timeout_ = loop.on_timer(no_timeout, [this] { run(); });
+  ticker_ = loop.on_timer(calm_tick, [this] { tick(); });
+}
+
+/// The loop has ended: what the kernel takes at once is sent, and nobody waited for.
+HttpLink::~HttpLink() {
+  is_ending_ = true;
+  for (Connection& connection : connections_) connection.wake();
+  for (int i = 0; i < 3; ++i) MHD_run(daemon_.get());  // resume; last chunk; farewell
+  io_ = {};
+}
+
+std::size_t HttpLink::connections() const {
+  return static_cast<std::size_t>(std::ranges::count(connections_, false, &Connection::is_refused));
+}
+
+std::size_t HttpLink::streams() const {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      connections_, [](const Connection& c) { return c.stream.has_value(); }));
+}
+
+void HttpLink::accept(const ListenSocket::Peer& peer) {
+  if (connections_.size() >= 2 * settings_.max_connections) {  // too many even to be told so
+    close(peer.fd);
+    return;
+  }
+  setsockopt(peer.fd, SOL_SOCKET, SO_SNDBUF, &send_buffer_bytes, sizeof send_buffer_bytes);
+  MHD_add_connection(daemon_.get(), peer.fd, reinterpret_cast<const sockaddr*>(&peer.address),
+                     peer.address_size);  // closes it where it fails
+  run();
+}
+
+void HttpLink::run() {
+  MHD_run(daemon_.get());
+  MHD_UNSIGNED_LONG_LONG ms = 0;
+  const bool has_timeout = MHD_get_timeout(daemon_.get(), &ms) == MHD_YES;
+  const auto most = static_cast<MHD_UNSIGNED_LONG_LONG>(no_timeout.count());
+  timeout_.after(std::chrono::milliseconds(has_timeout ? std::min(ms, most) : most));
+}
+
+HttpReply HttpLink::answer(Connection& connection) {
+  if (connection.is_refused)
+    return too_many(std::to_string(settings_.max_connections) + " connections");
+  if (connection.body_bytes > HttpRoutes::most_body_bytes) return too_large();
+  HttpReply reply = routes_.reply(connection.request);
+  if (reply.stream && streams() >= settings_.max_streams)
+    return too_many(std::to_string(settings_.max_streams) + " streams");
+  return reply;
+}
+
+void HttpLink::queue(Connection& connection, const HttpReply& reply) {
+  const bool is_stream = reply.stream && connection.request.method != "HEAD";
+  if (is_stream) begin_stream(connection, *reply.stream);
+  MHD_Response* response =
+      is_stream
+          ? MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block_bytes,
+                                              &Callbacks::read, &connection, nullptr)
+          : MHD_create_response_from_buffer(
+                reply.body->size(), const_cast<char*>(reply.body->data()), MHD_RESPMEM_MUST_COPY);
+  if (!response) return;  // no memory: without an answer the connection is closed
+  if (reply.status != http_not_modified)
+    MHD_add_response_header(response, "Content-Type", reply.content_type.c_str());
+  for (const auto& [name, value] : reply.headers)
+    MHD_add_response_header(response, name.c_str(), value.c_str());
+  if (connection.is_refused) MHD_add_response_header(response, "Connection", "close");
+  MHD_queue_response(connection.handle, reply.status, response);
+  MHD_destroy_response(response);
+}
+
+void HttpLink::begin_stream(Connection& connection, const HttpStream& stream) {
+  connection.stream.emplace(Clock::now());
+  connection.camera = stream.camera;
+  if (stream.camera) return ticker_.after(0ms);
+  JsonRpc::Caller nobody;
+  offer(connection, status_event(rpc_.call("status.get", JsonRpc::Json::object(), nobody)));
+}
+
+void HttpLink::offer(Connection& connection, NewestStream::Message what) {
+  connection.stream->offer(std::move(what), Clock::now());
+  connection.wake();
+}
+
+void HttpLink::publish_status(const JsonRpc::Json& status) {
+  NewestStream::Message event;
+  for (Connection& connection : connections_) {
+    if (!connection.stream || connection.camera) continue;
+    if (!event) event = status_event(status);
+    offer(connection, event);
+  }
+}
+
+void HttpLink::tick() {
+  const auto now = Clock::now();
+  for (Connection& connection : connections_) {
+    if (!connection.stream && now - connection.since > settings_.request)
+      shutdown(connection.fd, SHUT_RDWR);  // libmicrohttpd closes it then
+    if (connection.stream && connection.camera && connection.stream->is_empty())
+      show_camera(connection, now);
+    if (connection.stream && !connection.camera && connection.stream->is_empty() &&
+        now - connection.stream->offered_at() > settings_.heartbeat)
+      offer(connection, message(": heartbeat\n\n"));
+  }
+  const bool somebody_looks =
+      std::ranges::any_of(connections_, [](const Connection& c) { return c.camera.has_value(); });
+  ticker_.after(somebody_looks ? picture_tick : calm_tick);
+}
+
+/// A picture that it has not had yet; the last one again where none comes, or nobody would notice
+/// that the reader has left.
+void HttpLink::show_camera(Connection& connection, Clock::time_point now) {
+  const auto preview = sources_.preview(*connection.camera);
+  const bool is_new = preview != connection.last_shown;
+  if (!preview || (!is_new && now - connection.stream->offered_at() < picture_again)) return;
+  offer(connection, picture_part(*preview, !connection.last_shown));
+  connection.last_shown = preview;
+}
+
+}  // namespace throwcal
