@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+"use strict";
+
+const byId = (id) => document.getElementById(id);
+const say = (id, text) => { byId(id).textContent = text; };
+
+let target = null; // {position_m, rotation_rad}
+let lastStatus = null;
+
+const marks = {
+  "idle": "○ idle", "warming-up": "◔ warming up: hold the ball still", "capturing": "● capturing: throw the ball", "solving": "◐ solving", "done": "✔ done",
+};
+
+function sigma(value, goal, unit, scale) {
+  if (value === null) return "not known yet";
+  const shown = `${(value * scale).toPrecision(3)} ${unit}`;
+  if (!goal) return shown;
+  return `${value <= goal ? "✔" : "▲"} ${shown}; wanted ${(goal * scale).toPrecision(3)} ${unit}`;
+}
+
+function problems(now) {
+  const found = [];
+  if (now.fault) found.push(now.fault);
+  if (now.calibration_problem) found.push(now.calibration_problem);
+  for (const camera of now.cameras) {
+    if (camera.error) found.push(`${camera.name}: ${camera.error}`);
+    else if (!camera.running) found.push(`${camera.name}: not running`);
+    else if (!["clear", "used to learn the background"].includes(camera.view)) found.push(`${camera.name}: the picture is ${camera.view}`);
+  }
+  return found;
+}
+
+function showProblems(found) {
+  byId("problems").replaceChildren(...found.map((text) => {
+    const item = document.createElement("li");
+    item.textContent = "✖ " + text;
+    return item;
+  }));
+  byId("problems-section").hidden = found.length === 0;
+}
+
+function figureOf(name) {
+  const known = byId("camera-" + name);
+  if (known) return known;
+  const figure = document.createElement("figure");
+  figure.id = "camera-" + name;
+  const link = document.createElement("a");
+  link.href = `api/v1/cameras/${name}/preview.mjpeg`;
+  const image = document.createElement("img");
+  image.alt = "no picture of " + name;
+  link.append(image);
+  figure.append(link, document.createElement("figcaption"));
+  byId("cameras").append(figure);
+  return figure;
+}
+
+function showCamera(camera) {
+  const mark = camera.running && !camera.error ? "✔" : "✖";
+  const lost = camera.frames_dropped + camera.frames_lost_by_driver + camera.frames_damaged;
+  figureOf(camera.name).lastChild.textContent =
+    `${mark} ${camera.name}: ${camera.frames_per_s}/s, ${camera.flights} flights` + (lost ? `, ${lost} frames lost` : "");
+}
+
+function adviceOf(now) {
+  if (now.next_throw && now.next_throw.text) return "Next: " + now.next_throw.text;
+  return now.reasons.join("; ");
+}
+
+function show(now) {
+  lastStatus = now;
+  say("state", marks[now.state] || now.state);
+  say("throws", now.throws);
+  say("verdict", now.verdict || "none yet");
+  say("position", sigma(now.worst_sigma_position_m, target && target.position_m, "mm", 1e3));
+  say("rotation", sigma(now.worst_sigma_rotation_rad, target && target.rotation_rad, "mrad", 1e3));
+  say("advice", adviceOf(now));
+  say("software", now.software);
+  showProblems(problems(now));
+  now.cameras.forEach(showCamera);
+}
+
+async function learnTarget() {
+  const system = await (await fetch("api/v1/system")).json();
+  say("unit", system.unit);
+  document.title = `throwcal ${system.unit}`;
+  target = system.target || null;
+  if (lastStatus) show(lastStatus);
+}
+
+// One picture at a time: a browser opens six connections to a box, and the box serves sixteen.
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+async function showPictures() {
+  for (;;) {
+    const figures = [...document.querySelectorAll("#cameras figure")];
+    const wanted = byId("show-pictures").checked && !document.hidden;
+    for (const figure of wanted ? figures : []) {
+      const image = figure.querySelector("img");
+      await new Promise((resolve) => {
+        image.onload = image.onerror = resolve;
+        image.src = `api/v1/cameras/${figure.id.slice("camera-".length)}/preview.jpg?${Date.now()}`;
+      });
+    }
+    await pause(figures.length && wanted ? 200 : 1000);
+  }
+}
+
+async function command(what) {
+  const key = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+  const headers = { "Idempotency-Key": key };
+  const token = byId("token").value.trim();
+  if (token) headers.Authorization = "Bearer " + token;
+  const response = await fetch("api/v1/capture/" + what, { method: "POST", headers });
+  const answer = await response.json();
+  if (response.ok) return "✔ " + what;
+  if (response.status === 401) byId("token").focus();
+  return "✖ " + answer.error.message;
+}
+
+byId("commands").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const what = event.submitter ? event.submitter.value : "start";
+  say("answer", "…");
+  try {
+    say("answer", await command(what));
+  } catch (error) {
+    say("answer", "✖ the box does not answer: " + error.message);
+  }
+});
+
+const events = new EventSource("api/v1/events");
+events.addEventListener("status", (event) => show(JSON.parse(event.data)));
+events.onopen = () => learnTarget().catch(() => {});
+events.onerror = () => say("state", "✖ no connection to the box");
+showPictures();
