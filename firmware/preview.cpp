@@ -13,24 +13,39 @@ namespace {
 constexpr int widest_px = 640, jpeg_quality = 75, fraction_bits = 4;
 constexpr double gap_px = 4, smallest_ring_px = 7;
 
-int channel_type(PixelFormat format) {
+struct Layout {
+  int pixel_bytes, luma_at;
+};
+
+Layout layout_of(PixelFormat format) {
   switch (format) {
     case PixelFormat::yuyv:
-      return CV_8UC2;
+      return {2, 0};
     case PixelFormat::bgr:
-      return CV_8UC3;
+      return {3, 1};  // green: near enough for a look
     case PixelFormat::grey:
     case PixelFormat::nv12:  // its first plane
       break;
   }
-  return CV_8UC1;
+  return {1, 0};
 }
 
-/// The picture without copying it; of a picture far larger than a preview only every n-th row, for
-/// nobody sees the others.
-cv::Mat rows_of(const ImageView& image, int every) {
-  return {image.height_px / every, image.width_px, channel_type(image.format),
-          const_cast<std::uint8_t*>(image.data), image.stride_bytes * static_cast<unsigned>(every)};
+/// The luma of every n-th pixel of every n-th row. Shared with the frame where that is all it has.
+cv::Mat sampled_luma(const ImageView& image, int every) {
+  const auto [pixel_bytes, luma_at] = layout_of(image.format);
+  if (every == 1 && pixel_bytes == 1)
+    return {image.height_px, image.width_px, CV_8UC1, const_cast<std::uint8_t*>(image.data),
+            image.stride_bytes};
+  cv::Mat luma((image.height_px + every - 1) / every, (image.width_px + every - 1) / every,
+               CV_8UC1);
+  const int step = every * pixel_bytes;
+  for (int y = 0; y < luma.rows; ++y) {
+    const std::uint8_t* in =
+        image.data + static_cast<std::size_t>(y) * every * image.stride_bytes + luma_at;
+    std::uint8_t* out = luma.ptr(y);
+    for (int x = 0; x < luma.cols; ++x) out[x] = in[x * step];
+  }
+  return luma;
 }
 
 /// Black round white, so that it is seen on anything.
@@ -48,13 +63,14 @@ cv::Mat small_luma(const ImageView& image) {
   const double scale = std::min(1.0, static_cast<double>(widest_px) / image.width_px);
   const cv::Size size(std::max(1, cvRound(scale * image.width_px)),
                       std::max(1, cvRound(scale * image.height_px)));
-  const int every = std::max(1, image.height_px / (2 * size.height));
+  // To twice the size by leaving out, then by averaging: a picture of 12 megapixels takes 40 ms
+  // where all of it is averaged.
+  const cv::Mat samples =
+      sampled_luma(image, std::max(1, (image.width_px + widest_px) / (2 * widest_px)));
   cv::Mat small;
-  cv::resize(rows_of(image, every), small, size, 0, 0, cv::INTER_AREA);
-  cv::Mat luma = small;
-  if (image.format == PixelFormat::yuyv) cv::extractChannel(small, luma, 0);
-  if (image.format == PixelFormat::bgr) cv::cvtColor(small, luma, cv::COLOR_BGR2GRAY);
-  return luma;
+  cv::resize(samples, small, size, 0, 0,
+             samples.size() == size * 2 ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return small;
 }
 
 Preview make_preview(cv::Mat luma, double scale, std::span<const BallSighting> sightings) {
