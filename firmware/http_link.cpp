@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 
 #include "firmware/input_error.h"
@@ -58,6 +59,13 @@ bool announces_too_much(MHD_Connection* connection) {
   std::uint64_t bytes = 0;
   const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);
   return error != std::errc{} || bytes > HttpRoutes::most_body_bytes;
+}
+
+/// It has closed, or nothing of it can be reached any more.
+bool has_left(int fd) {
+  char byte = 0;
+  const ssize_t count = recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return count == 0 || (count < 0 && errno != EAGAIN && errno != EINTR);
 }
 
 HttpReply too_large() {
@@ -162,6 +170,7 @@ struct HttpLink::Callbacks {
   static ssize_t read(void* context, std::uint64_t, char* out, std::size_t most) {
     auto& connection = *static_cast<Connection*>(context);
     if (connection.link.is_ending_) return MHD_CONTENT_READER_END_OF_STREAM;
+    if (has_left(connection.fd)) return MHD_CONTENT_READER_END_WITH_ERROR;
     const std::size_t count = connection.stream->read({out, most});
     if (count == 0) {
       connection.is_suspended = true;
@@ -213,7 +222,22 @@ std::size_t HttpLink::streams() const {
       connections_, [](const Connection& c) { return c.stream.has_value(); }));
 }
 
+/// libmicrohttpd does not look at a stream that waits, and overlooks who closes right behind half a
+/// request (it watches for edges): their places would stay taken.
+void HttpLink::drop_who_left() {
+  for (Connection& connection : connections_) {
+    const bool may_go = connection.is_suspended || !connection.is_begun;
+    if (!may_go || !has_left(connection.fd)) continue;
+    connection.wake();
+    shutdown(connection.fd, SHUT_RDWR);  // an edge
+  }
+}
+
 void HttpLink::accept(const ListenSocket::Peer& peer) {
+  if (connections_.size() >= settings_.max_connections) {
+    drop_who_left();
+    run();
+  }
   if (connections_.size() >= 2 * settings_.max_connections) {  // too many even to be told so
     close(peer.fd);
     return;
@@ -284,6 +308,7 @@ void HttpLink::publish_status(const JsonRpc::Json& status) {
 }
 
 void HttpLink::tick() {
+  drop_who_left();
   const auto now = Clock::now();
   for (Connection& connection : connections_) {
     if (!connection.stream && now - connection.since > settings_.request)

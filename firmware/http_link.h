@@ -42,6 +42,7 @@ class HttpLink {
   struct Callbacks;  ///< what libmicrohttpd calls
 
   void accept(const ListenSocket::Peer& peer);
+  void drop_who_left();
   void run();
   void tick();
   HttpReply answer(Connection& connection);

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A throwcald of one's own for a test: a simulated rig, a free port, a state folder, and whoever talks to it."""
-
 import contextlib
 import json
 import os
@@ -62,9 +61,9 @@ class Client:
 
 
 class Box:
-    """A running throwcald. Stops with its context."""
+    """A running throwcald. Stops with its context. `http`: its options for HTTP in place of those that any free port needs."""
 
-    def __init__(self, build: pathlib.Path, folder: pathlib.Path):
+    def __init__(self, build: pathlib.Path, folder: pathlib.Path, http: list | None = None):
         self.build, self.folder = build, folder
         self.log = open(folder / "log", "ab")
         notify_path = folder / "notify"
@@ -75,29 +74,17 @@ class Box:
         threading.Thread(target=self.read_notices, daemon=True).start()  # as systemd does: unread, they would block the sender
         port_file, http_port_file = folder / "port", folder / "http_port"
         port_file.unlink(missing_ok=True)
+        http_port_file.unlink(missing_ok=True)
         began = time.monotonic()
+        any_http_port = ["--http-listen", "127.0.0.1:0"]
         self.process = subprocess.Popen(
-            [
-                build / "throwcald",
-                "--config",
-                folder / "rig.toml",
-                "--listen",
-                "127.0.0.1:0",
-                "--state-dir",
-                folder / "state",
-                "--port-file",
-                port_file,
-                "--http-listen",
-                "127.0.0.1:0",
-                "--http-port-file",
-                http_port_file,
-            ],
-            stderr=self.log,
-            env={**os.environ, "NOTIFY_SOCKET": str(notify_path)},
-        )
+            [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--state-dir", folder / "state",
+             "--port-file", port_file, "--http-port-file", http_port_file, *(any_http_port if http is None else http)],
+            stderr=self.log, env={**os.environ, "NOTIFY_SOCKET": str(notify_path)})  # fmt: skip
         assert self.ready.wait(PATIENCE_S), "throwcald never said READY=1"
         self.start_s = time.monotonic() - began
-        self.port, self.http_port = int(port_file.read_text()), int(http_port_file.read_text())
+        self.port = int(port_file.read_text())
+        self.http_port = int(http_port_file.read_text()) if http_port_file.exists() else None
         self.token = (folder / "state" / "token").read_text().strip()
 
     def read_notices(self) -> None:
@@ -127,8 +114,8 @@ class Box:
 
 
 @contextlib.contextmanager
-def running_box(build: pathlib.Path, folder: pathlib.Path):
-    box = Box(build, folder)
+def running_box(build: pathlib.Path, folder: pathlib.Path, http: list | None = None):
+    box = Box(build, folder, http)
     try:
         yield box
     finally:
