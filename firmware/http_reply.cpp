@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/http_reply.h"
 
-#include <nettle/base64.h>
-
 #include <algorithm>
 
+#include "firmware/base64.h"
 #include "firmware/http_request.h"
 #include "firmware/sha256.h"
 
 namespace throwcal {
-
-std::string base64(std::string_view bytes) {
-  std::string out(BASE64_ENCODE_RAW_LENGTH(bytes.size()), '\0');
-  base64_encode_raw(out.data(), bytes.size(), reinterpret_cast<const std::uint8_t*>(bytes.data()));
-  return out;
-}
 
 HttpReply text_reply(std::string text, HttpStatus status) {
   return {.status = status,
@@ -56,7 +49,7 @@ void add_digest(HttpReply& reply) {
   const std::string_view bytes(reinterpret_cast<const char*>(digest.data()), digest.size());
   reply.headers.emplace_back("ETag", "\"" + hex + "\"");
   reply.headers.emplace_back("X-Content-SHA256", hex);
-  reply.headers.emplace_back("Repr-Digest", "sha-256=:" + base64(bytes) + ":");
+  reply.headers.emplace_back("Repr-Digest", "sha-256=:" + to_base64(bytes) + ":");
 }
 
 HttpReply unless_known(HttpReply reply, const std::optional<std::string>& if_none_match) {

@@ -54,6 +54,4 @@ void add_digest(HttpReply& reply);
 /// The same answer without a body, 304, where the client has it already.
 HttpReply unless_known(HttpReply reply, const std::optional<std::string>& if_none_match);
 
-std::string base64(std::string_view bytes);
-
 }  // namespace throwcal

@@ -4,17 +4,13 @@
 const byId = (id) => document.getElementById(id);
 const say = (id, text) => { byId(id).textContent = text; };
 
-let target = null; // {position_m, rotation_rad}
-let lastStatus = null;
-
 const marks = {
-  "idle": "○ idle", "warming-up": "◔ warming up: hold the ball still", "capturing": "● capturing: throw the ball", "solving": "◐ solving", "done": "✔ done",
+  "idle": "○ idle", "warming-up": "◔ warming up: hold the ball still", "capturing": "● capturing: throw the ball", "throw-seen": "● throw seen", "solving": "◐ solving", "done": "✔ done", "fault": "✖ fault",
 };
 
 function sigma(value, goal, unit, scale) {
   if (value === null) return "not known yet";
   const shown = `${(value * scale).toPrecision(3)} ${unit}`;
-  if (!goal) return shown;
   return `${value <= goal ? "✔" : "▲"} ${shown}; wanted ${(goal * scale).toPrecision(3)} ${unit}`;
 }
 
@@ -61,30 +57,22 @@ function showCamera(camera) {
     `${mark} ${camera.name}: ${camera.frames_per_s}/s, ${camera.flights} flights` + (lost ? `, ${lost} frames lost` : "");
 }
 
-function adviceOf(now) {
-  if (now.next_throw && now.next_throw.text) return "Next: " + now.next_throw.text;
-  return now.reasons.join("; ");
-}
-
 function show(now) {
-  lastStatus = now;
   say("state", marks[now.state] || now.state);
   say("throws", now.throws);
   say("verdict", now.verdict || "none yet");
-  say("position", sigma(now.worst_sigma_position_m, target && target.position_m, "mm", 1e3));
-  say("rotation", sigma(now.worst_sigma_rotation_rad, target && target.rotation_rad, "mrad", 1e3));
-  say("advice", adviceOf(now));
+  say("position", sigma(now.worst_sigma_position_m, now.target.position_m, "mm", 1e3));
+  say("rotation", sigma(now.worst_sigma_rotation_rad, now.target.rotation_rad, "mrad", 1e3));
+  say("advice", now.advice || now.reasons.join("; "));
   say("software", now.software);
   showProblems(problems(now));
   now.cameras.forEach(showCamera);
 }
 
-async function learnTarget() {
+async function learnName() {
   const system = await (await fetch("api/v1/system")).json();
   say("unit", system.unit);
   document.title = `throwcal ${system.unit}`;
-  target = system.target || null;
-  if (lastStatus) show(lastStatus);
 }
 
 // One picture at a time: a browser opens six connections to a box, and the box serves sixteen.
@@ -129,6 +117,6 @@ byId("commands").addEventListener("submit", async (event) => {
 
 const events = new EventSource("api/v1/events");
 events.addEventListener("status", (event) => show(JSON.parse(event.data)));
-events.onopen = () => learnTarget().catch(() => {});
+events.onopen = () => learnName().catch(() => {});
 events.onerror = () => say("state", "✖ no connection to the box");
 showPictures();

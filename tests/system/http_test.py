@@ -366,8 +366,8 @@ def a_session_told_by_events(the_box) -> None:
         name, first = stream.event()
         assert name == "status" and first["state"] == "idle" and first.keys() == status_of(the_box).keys(), first
         assert change(the_box, "stop", token).error() == (409, -32000)
-        started = change(the_box, "start", token, {"Idempotency-Key": "start-1"})
-        again = change(the_box, "start", token, body=b'{"key": "start-1"}')
+        started = change(the_box, "start", token, {"Idempotency-Key": "start-1"}, b'{"until": "stopped"}')
+        again = change(the_box, "start", token, body=b'{"until": "stopped", "key": "start-1"}')
         assert started.status == again.status == 200 and started.body == again.body, (started.body, again.body)
         assert change(the_box, "start", token).error() == (409, -32000)
         assert change(the_box, "stop", token, {"Idempotency-Key": "start-1"}).error() == (400, -32602)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""tcp_client.py BOX TOKEN [PORT]: captures five throws and writes calibration.json."""
+"""tcp_client.py BOX TOKEN [PORT]: captures throws until they suffice, and writes calibration.json."""
 import json, socket, sys, time
 
 box = socket.create_connection((sys.argv[1], int((sys.argv + [7710])[3]))).makefile("rwb")
@@ -15,7 +15,5 @@ def call(method, **params):
 
 call("auth", token=sys.argv[2])
 call("capture.start")
-while call("status.get")["throws"] < 5: time.sleep(0.5)
-call("capture.stop")
 while call("status.get")["state"] != "done": time.sleep(0.5)
 json.dump(call("calibration.latest"), open("calibration.json", "w"))
