@@ -11,9 +11,9 @@
 #include "capture/simulated_scene.h"
 #include "estimator/rig_description.h"
 #include "firmware/can_settings.h"
-#include "firmware/panel_settings.h"
 #include "firmware/http_settings.h"
 #include "firmware/listen_address.h"
+#include "firmware/panel_settings.h"
 #include "firmware/toml_table.h"
 
 namespace throwcal {
