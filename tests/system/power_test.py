@@ -59,7 +59,7 @@ class Life:
         self.port_file = folder / "port"
         self.port_file.unlink(missing_ok=True)
         self.log = open(folder / "log", "ab")
-        command = [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--state-dir", folder / "state"]
+        command = [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--http-listen", "off", "--state-dir", folder / "state"]
         self.began = time.monotonic()
         self.process = subprocess.Popen([*command, "--port-file", self.port_file], stderr=self.log)
 
