@@ -93,7 +93,6 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
     tell();
   });
   ticker_ = loop_.on_timer(tick_period, [this] { tick(); });
-  loop_.serve_watchdog();
 }
 
 Daemon::~Daemon() = default;
@@ -229,6 +228,7 @@ void Daemon::tick() {
   tell_camera_faults(now.cameras, once_);
   if (now.sightings_dropped > 0)
     once_.warning("sightings", "sightings dropped, the estimator is too slow");
+  pet_watchdog(now.cameras);
   panel_->show(now, access_.is_open(Access::Clock::now()));
   tell();
   keeper_.store_evidence();

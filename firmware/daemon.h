@@ -20,6 +20,7 @@
 #include "firmware/status.h"
 #include "firmware/store.h"
 #include "firmware/tcp_link.h"
+#include "firmware/watchdog.h"
 
 namespace throwcal {
 
@@ -66,6 +67,7 @@ class Daemon {
   std::filesystem::path token_file() const;
   bool obey(Press press);  ///< false: not possible now. (daemon_button.cpp)
   void reset_access();
+  void pet_watchdog(const std::vector<CameraStats>& cameras);  ///< (daemon_watchdog.cpp)
   void tick();
   void tell();
   void shut_down();
@@ -97,6 +99,9 @@ class Daemon {
   std::chrono::steady_clock::time_point ended_itself_{};  ///< when a session last did
   std::optional<EstimatorThread> estimator_;
   std::optional<Panel> panel_;
+  Movement movement_;
+  const std::optional<std::chrono::microseconds> watchdog_period_ = watchdog_period();
+  std::chrono::steady_clock::time_point petted_{};
   EventLoop::Source term_, interrupt_, news_source_, ticker_;
   JsonRpc::Json last_told_;
   std::chrono::steady_clock::time_point last_told_at_{};

@@ -94,10 +94,11 @@ void EstimatorThread::run(std::stop_token stop) {
       if (interrupt_.stop_requested() && !stop.stop_requested()) interrupt_ = {};
       interrupt = interrupt_.get_token();
     }
+    ++turns_;
     for (Order& order : orders) obey(std::move(order), stop);
     if (cameras_ended_) {
       wait_for_order(stop);
-    } else if (auto frame = rig_.next(interrupt)) {
+    } else if (auto frame = next_frame(interrupt)) {
       numbering_.number(*frame);
       search_ ? take(*frame, stop) : remember(std::move(*frame));
     } else if (!interrupt.stop_requested()) {
@@ -110,9 +111,18 @@ void EstimatorThread::run(std::stop_token stop) {
   ordered_.notify_all();
 }
 
+std::optional<FrameSightings> EstimatorThread::next_frame(std::stop_token interrupt) {
+  is_waiting_ = true;
+  auto frame = rig_.next(interrupt);
+  is_waiting_ = false;
+  return frame;
+}
+
 void EstimatorThread::wait_for_order(std::stop_token stop) {
   std::unique_lock lock(mutex_);
+  is_waiting_ = true;
   ordered_.wait(lock, stop, [this] { return !orders_.empty(); });
+  is_waiting_ = false;
 }
 
 void EstimatorThread::obey(Order order, std::stop_token stop) {
@@ -190,6 +200,7 @@ void EstimatorThread::calibrate_now(std::stop_token stop, bool last) {
   if (throws.empty() && !last) return;
   CalibrateSettings settings;
   settings.progress = [&](double) {
+    ++turns_;
     if (stop.stop_requested() || is_abandoned_) throw GivenUp{};
   };
   try {

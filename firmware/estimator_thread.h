@@ -37,6 +37,9 @@ class EstimatorThread {
   /// Gives up what it is doing, a calibration included. False: it is at work that can't be given up
   /// (putting flights of a long session together) and not done in time.
   bool stop_within(std::chrono::milliseconds time);
+  /// Goes up while it works.
+  std::uint64_t turns() const { return turns_; }
+  bool is_waiting() const { return is_waiting_; }  ///< for a frame or an order
 
  private:
   struct Order {
@@ -46,6 +49,7 @@ class EstimatorThread {
   };
 
   void give(Order order);
+  std::optional<FrameSightings> next_frame(std::stop_token interrupt);
   void run(std::stop_token stop);
   void wait_for_order(std::stop_token stop);
   void obey(Order order, std::stop_token stop);
@@ -65,6 +69,8 @@ class EstimatorThread {
   std::condition_variable_any ordered_;
   std::vector<Order> orders_;
   bool has_ended_ = false;
+  std::atomic<std::uint64_t> turns_ = 0;
+  std::atomic<bool> is_waiting_ = false;
   std::atomic<bool> is_abandoned_ = false;  ///< an order to abandon waits
   std::stop_source interrupt_;              // makes a waiting rig_.next() return; renewed each time
 

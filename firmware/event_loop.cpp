@@ -93,10 +93,6 @@ EventLoop::Source EventLoop::on_signal(int signal, std::function<void()> call) {
   });
 }
 
-void EventLoop::serve_watchdog() {
-  check(sd_event_set_watchdog(event_.get(), 1), "sd_event_set_watchdog");
-}
-
 void EventLoop::run() { check(sd_event_loop(event_.get()), "sd_event_loop"); }
 
 void EventLoop::quit() { check(sd_event_exit(event_.get(), 0), "sd_event_exit"); }

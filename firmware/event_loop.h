@@ -41,8 +41,6 @@ class EventLoop {
   [[nodiscard]] Source on_timer(std::chrono::microseconds delay, std::function<void()> call);
   /// The signal must be blocked in every thread.
   [[nodiscard]] Source on_signal(int signal, std::function<void()> call);
-  /// Pets systemd's watchdog where it asks for that (WATCHDOG_USEC).
-  void serve_watchdog();
   void run();   ///< until quit()
   void quit();  ///< ends run()
 

@@ -63,8 +63,9 @@ class Client:
 class Box:
     """A running throwcald. Stops with its context. `http`: its options for HTTP in place of those that any free port needs."""
 
-    def __init__(self, build: pathlib.Path, folder: pathlib.Path, http: list | None = None):
+    def __init__(self, build: pathlib.Path, folder: pathlib.Path, http: list | None = None, **environment: str):
         self.build, self.folder = build, folder
+        self.notices = []
         self.log = open(folder / "log", "ab")
         notify_path = folder / "notify"
         notify_path.unlink(missing_ok=True)
@@ -80,7 +81,7 @@ class Box:
         self.process = subprocess.Popen(
             [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--state-dir", folder / "state",
              "--port-file", port_file, "--http-port-file", http_port_file, *(any_http_port if http is None else http)],
-            stderr=self.log, env={**os.environ, "NOTIFY_SOCKET": str(notify_path)})  # fmt: skip
+            stderr=self.log, env={**os.environ, "NOTIFY_SOCKET": str(notify_path), **environment})  # fmt: skip
         assert self.ready.wait(PATIENCE_S), "throwcald never said READY=1"
         self.start_s = time.monotonic() - began
         self.port = int(port_file.read_text())
@@ -90,6 +91,7 @@ class Box:
     def read_notices(self) -> None:
         with contextlib.suppress(OSError):
             while notice := self.notify.recv(4096):
+                self.notices += notice.decode().split("\n")
                 if b"READY=1" in notice.split(b"\n"):
                     self.ready.set()
 
@@ -114,8 +116,8 @@ class Box:
 
 
 @contextlib.contextmanager
-def running_box(build: pathlib.Path, folder: pathlib.Path, http: list | None = None):
-    box = Box(build, folder, http)
+def running_box(build: pathlib.Path, folder: pathlib.Path, http: list | None = None, **environment: str):
+    box = Box(build, folder, http, **environment)
     try:
         yield box
     finally:

@@ -270,15 +270,15 @@ def with_keys(patterns: dict) -> None:
     key.key(0)
     time.sleep(1)
     assert not box.captures()
-    assert box.call("calibration.list")["result"], "sessions stay"
+    assert box.call("session.list")["result"], "sessions stay"
     box.stop()
     key.unplug()
     print("held for 10 s since the start: a new token, the old one refused, sessions kept")
 
 
 def with_lines(patterns: dict) -> None:
-    subprocess.run(["mount", "-t", "configfs", "none", "/sys/kernel/config"], check=True)
     subprocess.run(["modprobe", "gpio-sim"], check=True)
+    subprocess.run(["mount", "-t", "configfs", "none", "/sys/kernel/config"], check=True)
     (GPIO / "bank").mkdir(parents=True)
     (GPIO / "bank" / "num_lines").write_text("8")
     (GPIO / "live").write_text("1")
@@ -332,8 +332,8 @@ def main() -> None:
     patterns = json.loads(pathlib.Path(sys.argv[1]).read_text())
     subprocess.run(["modprobe", "-a", "uinput", "evdev"], check=True)
     shutil.rmtree(STATE, ignore_errors=True)
-    with_keys(patterns)
     with_lines(patterns)
+    with_keys(patterns)
 
 
 if __name__ == "__main__":
