@@ -276,6 +276,14 @@ def with_keys(patterns: dict) -> None:
     print("held for 10 s since the start: a new token, the old one refused, sessions kept")
 
 
+def holds_a_line(process: int) -> bool:
+    files = []
+    for file in glob.glob(f"/proc/{process}/fd/*"):
+        with contextlib.suppress(OSError):
+            files.append(os.readlink(file))
+    return any("gpio" in file for file in files)
+
+
 def with_lines(patterns: dict) -> None:
     subprocess.run(["modprobe", "gpio-sim"], check=True)
     subprocess.run(["mount", "-t", "configfs", "none", "/sys/kernel/config"], check=True)
@@ -286,7 +294,7 @@ def with_lines(patterns: dict) -> None:
     lines = pathlib.Path("/sys/devices/platform", (GPIO / "dev_name").read_text().strip())
 
     def line(number: int, file: str) -> pathlib.Path:
-        return lines / chip / f"sim_gpio{number}" / file
+        return lines / (GPIO / "bank" / "chip_name").read_text().strip() / f"sim_gpio{number}" / file
 
     def wire(level: str) -> None:
         line(3, "pull").write_text(f"pull-{level}")
@@ -318,8 +326,12 @@ def with_lines(patterns: dict) -> None:
     until(lambda: box.status()["state"] == "done", "the next ends it")
     (GPIO / "live").write_text("0")
     until(lambda: box.said("is gone"), "it says that the chip is gone")
+    until(lambda: not holds_a_line(box.process.pid), "it lets go of both lines")
     (GPIO / "live").write_text("1")
-    assert (GPIO / "bank" / "chip_name").read_text().strip() == chip
+    back = (GPIO / "bank" / "chip_name").read_text().strip()
+    if back != chip:  # 6.1 never frees the number of a chip that went away while a line was in use; a udev rule would name it
+        os.symlink(f"/dev/{back}", f"/dev/{chip}")
+        lines /= f"../{(GPIO / 'dev_name').read_text().strip()}"
     wire("up")
     until(lambda: box.said(f"button: {chip}:3\n") == 2, "it is taken up again")
     press()
