@@ -88,6 +88,7 @@ Daemon::Daemon(const Config& config, DaemonSettings settings)
   if (config_.http.listen) open_http();
   term_ = loop_.on_signal(SIGTERM, [this] { loop_.quit(); });
   interrupt_ = loop_.on_signal(SIGINT, [this] { loop_.quit(); });
+  hang_up_ = loop_.on_signal(SIGHUP, [this] { reload(); });
   news_source_ = loop_.on_io(news_.fd(), EPOLLIN, [this](std::uint32_t) {
     take_news();
     tell();
@@ -117,7 +118,7 @@ void Daemon::run() {
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
   resume_unsolved();
-  panel_.emplace(loop_, config_.button, config_.light, [this](Press press) { return obey(press); });
+  make_panel();
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
   if (!settings_.http_port_file.empty() && http_)
@@ -229,6 +230,7 @@ void Daemon::tick() {
   if (now.sightings_dropped > 0)
     once_.warning("sightings", "sightings dropped, the estimator is too slow");
   pet_watchdog(now.cameras);
+  take_next_config();
   panel_->show(now, access_.is_open(Access::Clock::now()));
   tell();
   keeper_.store_evidence();

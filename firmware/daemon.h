@@ -67,6 +67,10 @@ class Daemon {
   std::filesystem::path token_file() const;
   bool obey(Press press);  ///< false: not possible now. (daemon_button.cpp)
   void reset_access();
+  void make_panel();
+  void reload();  ///< (daemon_reload.cpp)
+  void take_over(Config next);
+  void take_next_config();
   void pet_watchdog(const std::vector<CameraStats>& cameras);  ///< (daemon_watchdog.cpp)
   void tick();
   void tell();
@@ -76,7 +80,8 @@ class Daemon {
   void open_http();
   std::string metrics();
 
-  const Config config_;
+  Config config_;
+  std::optional<Config> next_config_;  ///< taken when no session is under way
   const DaemonSettings settings_;
   const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   EventLoop loop_;
@@ -102,7 +107,7 @@ class Daemon {
   Movement movement_;
   const std::optional<std::chrono::microseconds> watchdog_period_ = watchdog_period();
   std::chrono::steady_clock::time_point petted_{};
-  EventLoop::Source term_, interrupt_, news_source_, ticker_;
+  EventLoop::Source term_, interrupt_, hang_up_, news_source_, ticker_;
   JsonRpc::Json last_told_;
   std::chrono::steady_clock::time_point last_told_at_{};
 };

@@ -65,6 +65,10 @@ void EstimatorThread::solve(std::int64_t session, std::vector<Track> flights) {
   give({Order::Kind::solve, session, std::move(flights)});
 }
 
+void EstimatorThread::change(const Target& target, HostClock::duration pre_trigger) {
+  give({.kind = Order::Kind::change, .target = target, .pre_trigger = pre_trigger});
+}
+
 bool EstimatorThread::stop_within(std::chrono::milliseconds time) {
   thread_.request_stop();
   std::unique_lock lock(mutex_);
@@ -129,6 +133,10 @@ void EstimatorThread::obey(Order order, std::stop_token stop) {
   switch (order.kind) {
     case Order::Kind::begin:
       return begin(order.session, stop);
+    case Order::Kind::change:
+      description_.target = order.target;
+      pre_trigger_ = order.pre_trigger;
+      return;
     case Order::Kind::abandon:
       search_.reset();
       is_abandoned_ = false;

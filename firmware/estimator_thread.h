@@ -34,6 +34,8 @@ class EstimatorThread {
   void abandon_session();
   /// A session of before: calibrates its flights, posts `solved`.
   void solve(std::int64_t session, std::vector<Track> flights);
+  /// From the next session on; between two.
+  void change(const Target& target, HostClock::duration pre_trigger);
   /// Gives up what it is doing, a calibration included. False: it is at work that can't be given up
   /// (putting flights of a long session together) and not done in time.
   bool stop_within(std::chrono::milliseconds time);
@@ -43,9 +45,11 @@ class EstimatorThread {
 
  private:
   struct Order {
-    enum class Kind { begin, finish, abandon, solve } kind;
+    enum class Kind { begin, finish, abandon, solve, change } kind;
     std::int64_t session = 0;
     std::vector<Track> flights = {};
+    Target target = {};
+    HostClock::duration pre_trigger = {};
   };
 
   void give(Order order);
@@ -60,10 +64,10 @@ class EstimatorThread {
   void post_flights(std::vector<Track> flights);
   void calibrate_now(std::stop_token stop, bool last);
 
-  const RigDescription description_;
+  RigDescription description_;
   Rig& rig_;
   NewsBox& news_;
-  const HostClock::duration pre_trigger_;
+  HostClock::duration pre_trigger_;
 
   std::mutex mutex_;  // guards orders_, has_ended_ and interrupt_
   std::condition_variable_any ordered_;
