@@ -343,8 +343,8 @@ def with_lines(patterns: dict) -> None:
 def main() -> None:
     patterns = json.loads(pathlib.Path(sys.argv[1]).read_text())
     subprocess.run(["modprobe", "-a", "uinput", "evdev"], check=True)
-    shutil.rmtree(STATE, ignore_errors=True)
     with_lines(patterns)
+    shutil.rmtree(STATE)
     with_keys(patterns)
 
 
