@@ -167,7 +167,8 @@ void Daemon::follow(const std::function<void()>& change) {
 void Daemon::end_capture() {
   keeper_.stop(utc_now());
   estimator_->finish_session();
-  log_info("session " + std::to_string(*session_.id()) + " ended; solving");
+  log_info(Happening::session_ended,
+           "session " + std::to_string(*session_.id()) + " ended; solving");
 }
 
 void Daemon::take_news() {
@@ -274,7 +275,8 @@ Json Daemon::start_capture(bool ends_itself) {
   if (const auto refusal = keeper_.begin(facts, goal)) throw RpcError(rpc_refused, *refusal);
   if (cameras_are_warm(rig_.stats())) session_.cameras_became_warm();
   estimator_->begin_session(*session_.id());
-  log_info("session " + std::to_string(*session_.id()) + " began");
+  set_log_session(session_.id());
+  log_info(Happening::session_began, "session " + std::to_string(*session_.id()) + " began");
   return status();
 }
 
@@ -289,7 +291,8 @@ Json Daemon::abort_capture() {
   const auto id = session_.id();
   if (const auto refusal = keeper_.abort()) throw RpcError(rpc_refused, *refusal);
   estimator_->abandon_session();
-  log_info("session " + std::to_string(*id) + " was thrown away");
+  log_info(Happening::session_aborted, "session " + std::to_string(*id) + " was thrown away");
+  set_log_session({});
   return status();
 }
 

@@ -40,7 +40,8 @@ bool Daemon::obey(Press press) {
 void Daemon::reset_access() {
   access_.renew(new_token_in(token_file()));
   link_.forget_tokens();
-  log_warning("button: held since the start; there is a new token in " + token_file().string());
+  log_info(Happening::new_token,
+           "button: held since the start; there is a new token in " + token_file().string());
 }
 
 }  // namespace throwcal
