@@ -35,7 +35,7 @@ def story(build, folder) -> None:
         assert client.call("hello")["unit"] == "box 7"
         said = reload(re.sub("position_m = .*", "position_m = -1", named))
         assert "the configuration stays as it was: " in said and "position_m must be" in said, said
-        said = reload(re.sub("listen = .*", 'listen = "127.0.0.1:1"', named).replace("fx_px = ", "fx_px = 1", 1))
+        said = reload(re.sub("listen = .*", 'listen = "127.0.0.1:1"', named, count=1).replace("fx_px = ", "fx_px = 1", 1))
         assert "needs a restart: [[camera]] 1 fx_px, [daemon] listen\n" in said, said
         client.call("capture.start", {"until": "stopped"})
         wide = re.sub("position_m = .*", "position_m = 0.25", named)
