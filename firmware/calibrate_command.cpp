@@ -189,7 +189,8 @@ void add_calibrate_command(CLI::App& app, int& status) {
     }
     if (options->rig.empty()) throw InputError("calibrate: expected --rig FILE");
     if (options->sightings.empty() && options->videos.empty())
-      throw InputError("calibrate: expected --sightings FILE or --video NAME=PATH, or --session FILE");
+      throw InputError(
+          "calibrate: expected --sightings FILE or --video NAME=PATH, or --session FILE");
     status = run(*options);
   });
 }
