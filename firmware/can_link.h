@@ -25,6 +25,7 @@ class CanLink {
   ~CanLink();
 
   nlohmann::ordered_json status() const;
+  void set_key(std::uint32_t short_key) { orders_.set_key(short_key); }
 
  private:
   using Clock = std::chrono::steady_clock;

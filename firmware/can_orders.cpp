@@ -25,6 +25,11 @@ CanOrders::CanOrders(JsonRpc& rpc, std::uint32_t short_key,
                      std::function<CanOutcome(int)> send_block, CanOrdersSettings settings)
     : rpc_(rpc), short_key_(short_key), send_block_(std::move(send_block)), settings_(settings) {}
 
+void CanOrders::set_key(std::uint32_t short_key) {
+  short_key_ = short_key;
+  done_.clear();
+}
+
 CanAck CanOrders::answer(const std::uint8_t* data, std::size_t size, Clock::time_point now) {
   CanAck ack;
   CanPayload payload{};

@@ -29,6 +29,9 @@ class CanOrders {
   /// The answer to a command frame of any length.
   CanAck answer(const std::uint8_t* data, std::size_t size, Clock::time_point now);
 
+  /// From now on another one; what was done under the old one is forgotten.
+  void set_key(std::uint32_t short_key);
+
   std::uint64_t commands() const { return commands_; }  ///< that were frames of 8 bytes
   std::uint64_t wrong_keys() const { return wrong_keys_; }
 

@@ -152,6 +152,7 @@ void Daemon::resume_unsolved() {
   has_resumed_ = true;
   auto flights = keeper_.resume(camera_names(config_.rig), utc_now());
   if (!flights) return;
+  set_log_session(session_.id());
   log_info("session " + std::to_string(*session_.id()) + " was interrupted; solving its " +
            std::to_string(flights->size()) + " flights");
   estimator_->solve(*session_.id(), *std::move(flights));

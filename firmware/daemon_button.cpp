@@ -40,6 +40,7 @@ bool Daemon::obey(Press press) {
 void Daemon::reset_access() {
   access_.renew(new_token_in(token_file()));
   link_.forget_tokens();
+  if (can_) can_->set_key(access_.short_key());
   log_info(Happening::new_token,
            "button: held since the start; there is a new token in " + token_file().string());
 }

@@ -55,6 +55,13 @@ TEST_F(CanOrdersTest, StartForWhoKnowsTheKey) {
   EXPECT_EQ(ack.session, 1u);
 }
 
+TEST_F(CanOrdersTest, OfAnotherKeyOnceTheBoxHasANewToken) {
+  EXPECT_EQ(outcome(1, 7), CanOutcome::ok);
+  orders_.set_key(key + 1);
+  EXPECT_EQ(outcome(1, 7), CanOutcome::forbidden) << "nor is the old answer given again";
+  EXPECT_EQ(outcome(1, 8, key + 1), CanOutcome::ok);
+}
+
 TEST_F(CanOrdersTest, AreDoneOnceHoweverOftenTheyCome) {
   for (int i = 0; i < 3; ++i) EXPECT_EQ(outcome(1, 7), CanOutcome::ok);
   EXPECT_EQ(started_, 1);

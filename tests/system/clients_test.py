@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The clients that the README shows, each against a box of its own."""
+
 import json
 import pathlib
 import subprocess
@@ -27,7 +28,15 @@ def fails(client: str, folder, *arguments: str) -> str:
     return done.stderr
 
 
+def the_readme_shows_them() -> None:
+    readme = (CLIENTS.parent.parent.parent / "README.md").read_text()
+    for client in sorted(CLIENTS.glob("*_client.py")):
+        code = "\n".join(client.read_text().splitlines()[2:]).strip()
+        assert f"```python\n{code}\n```" in readme, f"README.md must show {client.name} as it is"
+
+
 def story(build, folder) -> None:
+    the_readme_shows_them()
     box.simulate(build, folder, "--cameras", "2", "--width", "320", "--height", "240", "--focal", "240", "--fps", "60")
     with box.running_box(build, folder) as the_box, box.Client(the_box.port) as judge:
         page = f"http://127.0.0.1:{the_box.http_port}"

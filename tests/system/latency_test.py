@@ -27,11 +27,11 @@ def story(build, folder) -> None:
     with box.running_box(build, folder) as the_box, box.Client(the_box.port) as client, box.Client(the_box.port) as reader:
         client.line(), reader.line()
         client.may_change(the_box.token).call("capture.start", {"until": "stopped"})
-        status, found_at, last_id = client.call("status.subscribe"), None, None
+        status, found_at, last_id, flights = client.call("status.subscribe"), None, None, 0
         while len(from_last_sighting) < THROWS:
             now = time.monotonic()
-            if status["state"] == "throw-seen":
-                found_at = found_at or now
+            if (seen := sum(camera["flights"] for camera in status["cameras"])) != flights:
+                flights, found_at = seen, now  # the last camera's flight makes the throw whole
             if status["calibration"] and status["calibration"] != last_id:
                 last_id = status["calibration"]
                 document = reader.call("calibration.get", {"id": last_id})
@@ -47,7 +47,7 @@ def story(build, folder) -> None:
         assert not any(camera["frames_dropped"] for camera in cameras), cameras
         the_box.stop()
     tell("last sighting of a throw -> its calibration at a TCP client", list(from_last_sighting.values()))
-    tell("a flight told to be found -> its calibration at a TCP client", from_found)
+    tell("a throw's last flight told to be found -> its calibration at a TCP client", from_found)
     assert min(from_last_sighting.values()) > 0, "a calibration can't be there before its throw is over"
 
 

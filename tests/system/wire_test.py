@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The TCP link against what a network sends: each fault has its answer, and no camera loses a frame because of it."""
+
 import json
+import pathlib
+import re
 import socket
 
 import box
@@ -16,8 +19,14 @@ def error_of(message) -> tuple:
 def garbage_is_answered_and_the_connection_goes_on(port) -> None:
     with box.Client(port) as client:
         client.line()
-        for garbage, code in [(b"hello there\n", -32700), (b"\xff\xfe\x00\n", -32700), (b"GET / HTTP/1.1\r\n", -32700),
-                              (b"[]\n", -32600), (b"17\n", -32600), (b'{"jsonrpc":"2.0","id":null,"method":4}\n', -32600)]:
+        for garbage, code in [
+            (b"hello there\n", -32700),
+            (b"\xff\xfe\x00\n", -32700),
+            (b"GET / HTTP/1.1\r\n", -32700),
+            (b"[]\n", -32600),
+            (b"17\n", -32600),
+            (b'{"jsonrpc":"2.0","id":null,"method":4}\n', -32600),
+        ]:
             client.send(garbage)
             assert error_of(client.line()) == (None, code), garbage
         assert client.answer("no.such")["error"]["code"] == -32601
@@ -28,8 +37,11 @@ def garbage_is_answered_and_the_connection_goes_on(port) -> None:
 def a_batch_and_a_notification(port) -> None:
     with box.Client(port) as client:
         client.line()
-        requests = [{"jsonrpc": "2.0", "id": 1, "method": "camera.list"}, {"jsonrpc": "2.0", "method": "status.get"},
-                    {"jsonrpc": "2.0", "id": "b", "method": "system.info"}]
+        requests = [
+            {"jsonrpc": "2.0", "id": 1, "method": "camera.list"},
+            {"jsonrpc": "2.0", "method": "status.get"},
+            {"jsonrpc": "2.0", "id": "b", "method": "system.info"},
+        ]
         client.send(json.dumps(requests).encode() + b"\r\n\n")
         cameras, info = client.line()
         assert [c["name"] for c in cameras["result"]] == ["cam1", "cam2"]
@@ -106,6 +118,21 @@ def one_client_too_many_is_told_so(port) -> None:
     box.until(all_places_are_free, "all places are free again")
 
 
+def what_changes_something_is_refused_without_the_token(port) -> None:
+    source = pathlib.Path(__file__).parent.parent.parent / "firmware" / "rpc_methods.cpp"
+    changing = re.findall(r'add_change\(\s*"([a-z.]+)"', source.read_text())
+    assert {"capture.start", "capture.stop", "capture.abort", "session.delete"} <= set(changing), changing
+    with box.Client(port) as client:
+        client.line()
+        before = client.call("status.get")["session"], client.call("session.list")
+        for method in changing:
+            for params in ({}, {"session": 1}, {"key": "abc"}, {"token": "guess"}):
+                assert client.answer(method, params)["error"]["code"] == -32001, method
+        assert client.answer("auth", {"token": "not-the-token"})["error"]["code"] == -32001
+        assert client.answer("capture.start")["error"]["code"] == -32001
+        assert (client.call("status.get")["session"], client.call("session.list")) == before
+
+
 def cameras_of(port) -> list[dict]:
     with box.Client(port) as client:
         client.line()
@@ -118,10 +145,17 @@ def story(build, folder) -> None:
     with box.running_box(build, folder) as the_box:
         box.until(lambda: all(c["frames"] > 0 for c in cameras_of(the_box.port)), "every camera runs")
         before = cameras_of(the_box.port)
-        for attack in [garbage_is_answered_and_the_connection_goes_on, a_batch_and_a_notification,
-                       an_oversize_line_is_refused_and_the_connection_closed, half_a_request_is_dropped,
-                       what_was_asked_before_hanging_up_is_answered, a_slow_reader_is_dropped,
-                       a_slow_subscriber_gets_the_newest_status_not_all, one_client_too_many_is_told_so]:
+        for attack in [
+            what_changes_something_is_refused_without_the_token,
+            garbage_is_answered_and_the_connection_goes_on,
+            a_batch_and_a_notification,
+            an_oversize_line_is_refused_and_the_connection_closed,
+            half_a_request_is_dropped,
+            what_was_asked_before_hanging_up_is_answered,
+            a_slow_reader_is_dropped,
+            a_slow_subscriber_gets_the_newest_status_not_all,
+            one_client_too_many_is_told_so,
+        ]:
             attack(the_box.port)
             print("ok:", attack.__name__)
         after = cameras_of(the_box.port)

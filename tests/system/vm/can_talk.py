@@ -80,8 +80,19 @@ def over_tcp(port: int) -> bytes:
     raise AssertionError("no answer on TCP")
 
 
-def commands(bus: Bus, interface: str, key: int, port: int) -> dict:
-    """Each by a name; the state machine is the box's own. A document that was begun before a session goes on after it as it was."""
+def delete_over_tcp(port: int, token: str, session: int) -> None:
+    requests = [("auth", {"token": token}), ("session.delete", {"session": session})]
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as connection, connection.makefile("rb") as lines:
+        for method, params in requests:
+            connection.sendall(json.dumps({"jsonrpc": "2.0", "id": method, "method": method, "params": params}).encode() + b"\n")
+            while (answer := json.loads(lines.readline())).get("id") != method:
+                pass
+            assert "result" in answer, answer
+
+
+def commands(bus: Bus, interface: str, token: str, port: int) -> dict:
+    """Each by a name; the state machine is the box's own. A document that was begun goes on as it was though its session is deleted."""
+    key = int.from_bytes(hashlib.sha256(token.encode()).digest()[:4], "big")
     was = over_tcp(port)
     head, begun = bus.block(0)
     answers = {
@@ -97,6 +108,7 @@ def commands(bus: Bus, interface: str, key: int, port: int) -> dict:
     }
     answers |= {f"wrong {n}": bus.command(START, 10 + n, 12345) for n in range(5)}
     answers |= {"right, but locked": bus.command(START, 20, key)}
+    delete_over_tcp(port, token, json.loads(was)["session"])
     await_another_result(interface, head[0])
     answers["a document begun before"] = {"same": bus.rest(head, begun) == was, "bytes": len(was), "newest_bytes": len(bus.document())}
     return answers
@@ -110,8 +122,7 @@ def main() -> None:
         pathlib.Path(out).write_text(json.dumps({"bytes": len(tcp), "same": over_can == tcp}))
     else:
         token = pathlib.Path(token_file).read_text().strip()
-        key = int.from_bytes(hashlib.sha256(token.encode()).digest()[:4], "big")
-        pathlib.Path(out).write_text(json.dumps(commands(bus, interface, key, int(port))))
+        pathlib.Path(out).write_text(json.dumps(commands(bus, interface, token, int(port))))
 
 
 if __name__ == "__main__":

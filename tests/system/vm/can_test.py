@@ -131,7 +131,7 @@ stop_box
 ip link add dev fd0 type vcan
 ip link set fd0 mtu 16
 ip link set fd0 up
-rm -r /run/state # the sessions above have found nothing: a short document
+rm -r /run/state # what was deleted above is there again
 tar xf state.tar -C /run
 start_box fd.toml
 await '"can":.*"state":"unusable"'
@@ -203,11 +203,16 @@ def packed(folder: pathlib.Path, name: str, out: pathlib.Path) -> pathlib.Path:
 
 
 def make_state(build: pathlib.Path, folder: pathlib.Path) -> str:
-    """A box of eight cameras, switched off in the middle of a session: it solves what it has at its next start. Returns its rig file."""
+    """A box of eight cameras with a short session, switched off in the middle of another: it solves what it has of that at its next start.
+    Returns its rig file."""
     boxes.simulate(build, folder, "--cameras", str(CAMERAS), "--width", "320", "--height", "240", "--focal", "240", "--fps", "30")
     with boxes.running_box(build, folder) as box, boxes.Client(box.port) as client:
         client.line()
-        client.may_change(box.token).call("capture.start")
+        client.may_change(box.token).call("capture.start", {"until": "stopped"})
+        boxes.until(lambda: client.call("status.get")["calibration"], "a calibration")
+        client.call("capture.stop")
+        boxes.until(lambda: client.call("status.get")["state"] == "done", "the short session is solved")
+        client.call("capture.start", {"until": "stopped"})
         boxes.until(lambda: client.call("status.get")["throws"] >= 3, "three throws")
         boxes.until(lambda: client.call("status.get")["worst_sigma_position_m"], "a calibration")
         box.process.send_signal(signal.SIGKILL)
