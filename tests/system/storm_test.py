@@ -60,9 +60,13 @@ def storm(port: int, connections: int) -> None:
 
 
 def counters(port: int) -> list[dict]:
-    with box.Client(port) as client:
-        client.line()
-        return client.call("status.get")["cameras"]
+    """As soon as there is a place."""
+
+    def served():
+        with box.Client(port) as client:
+            return (client.line() or {}).get("method") == "hello" and client.call("status.get")["cameras"]
+
+    return box.until(served, "a place is free")
 
 
 def story(build, folder) -> None:

@@ -80,6 +80,7 @@ def a_full_disk(box: Box) -> None:
     until(lambda: box.status()["fault"] is None, "the disk has room again")
     after = until(lambda: (n := box.flights()) > told and n, "what waited is stored")
     print(f'full disk: "{fault}"; {before} flights before, {told} while it was full, {after} after it', flush=True)
+    until(lambda: box.status()["calibration"], "a calibration is stored")
     box.answer("capture.stop")
     until(lambda: box.status()["state"] == "done", "the session is solved")
 
