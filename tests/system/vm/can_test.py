@@ -440,6 +440,18 @@ def run(kernel: int, files: dict, script: str, options: tuple[str, ...]) -> vm.R
     return result
 
 
+def on_cards(kernel: int, files: dict) -> None:
+    """The same on CAN cards that QEMU plays: a real driver, two ends of one bus."""
+    cards = run(kernel, files, CARDS, ("--can-cards", "2"))
+    flooded, last = (json.loads(cards.text(name))["result"]["can"] for name in ("flooded", "last"))
+    print(f"  kvaser_pci: flooded {flooded}", flush=True)
+    assert last["state"] == "up" and last["reopened"] == 1, last
+    assert cards.files["can.json"] == cards.files["tcp.json"]
+    assert cards.text("across").startswith("done: "), cards.text("across")
+    assert cards.text("no_isotp") == "throwcal: this machine's kernel has no ISO-TP: modprobe can-isotp\n1\n", cards.text("no_isotp")
+    assert " 684#046307" in cards.text("unsupported") and last["isotp_problem"] is None, (cards.text("unsupported"), last)
+
+
 def main() -> None:
     build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1])
     source = pathlib.Path(sys.argv[sys.argv.index("--source") + 1])
@@ -467,14 +479,10 @@ def main() -> None:
             check_commands(result)
             check_faults(result)
             check_fd(result)
-            cards = run(kernel, files, CARDS, ("--can-cards", "2"))
-            flooded, last = (json.loads(cards.text(name))["result"]["can"] for name in ("flooded", "last"))
-            print(f"  kvaser_pci: flooded {flooded}", flush=True)
-            assert last["state"] == "up" and last["reopened"] == 1, last
-            assert cards.files["can.json"] == cards.files["tcp.json"]
-            assert cards.text("across").startswith("done: "), cards.text("across")
-            assert cards.text("no_isotp") == "throwcal: this machine's kernel has no ISO-TP: modprobe can-isotp\n1\n", cards.text("no_isotp")
-            assert " 684#046307" in cards.text("unsupported") and last["isotp_problem"] is None, (cards.text("unsupported"), last)
+            if os.environ.get("THROWCAL_LONG"):
+                on_cards(kernel, files)
+            else:
+                print("  not on emulated cards; THROWCAL_LONG=1 does that, too")
 
 
 if __name__ == "__main__":
