@@ -130,8 +130,11 @@ box() {{ # RIG: a throwcald
 ended() {{ kill $box; wait $box; }}
 box rig.toml
 await "./throwcal status --json $host > out/right; ! grep -q '\"view\": \"learning\"' out/right"
+export THROWCAL_TOKEN=$(cat $state/token)
+./throwcal capture start $host > out/session
+./throwcal capture stop $host >> out/session # nobody throws
 ended
-python3 put_calibration.py $state/throwcal.db calibration.json
+python3 put_calibration.py $state/sessions/000001.throwcal calibration.json
 box rig.toml
 ./throwcal fetch $host > out/fetched 2>&1 || true
 ended
@@ -146,10 +149,11 @@ exec 9>&-
 """
 
 PUT_CALIBRATION = """
-import sqlite3, sys
+import hashlib, sqlite3, sys
+document = open(sys.argv[2]).read()
 with sqlite3.connect(sys.argv[1]) as database:
-    database.execute("INSERT INTO session(id, started_utc, state, cameras) VALUES(7, '', 'done', '[]')")
-    database.execute("INSERT INTO calibration(session, created_utc, verdict, throws, document) VALUES(7, '', 'accepted', 5, ?)", [open(sys.argv[2]).read()])
+    row = ("", "accepted", 5, 0, hashlib.sha256(document.encode()).hexdigest(), document)
+    database.execute("INSERT INTO calibration(created_utc, verdict, throws, flights, sha256, document) VALUES(?, ?, ?, ?, ?, ?)", row)
 """
 
 
