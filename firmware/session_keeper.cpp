@@ -51,6 +51,7 @@ std::optional<std::string> SessionKeeper::begin(SessionFacts facts, const Sessio
   stopped_utc_.reset();
   calibration_id_.reset();
   began_here_ = id;
+  has_background_.assign(session_.flights().size(), !keep_evidence_);
   gather_backgrounds();
   return session_.start(id, goal);
 }
@@ -66,6 +67,7 @@ std::optional<std::string> SessionKeeper::abort() {
   evidence_.clear();
   stopped_utc_.reset();
   calibration_id_.reset();
+  has_background_.clear();
   stored([&] { store_.finish_session("aborted"); });
   return {};
 }
@@ -149,16 +151,19 @@ SessionFacts::Json SessionKeeper::devices_now() const {
   return devices;
 }
 
-/// A picture of each camera as the session begins: where it looked, in which light.
+/// A picture of each camera as the session begins, or as soon as there is one: where it looked, in
+/// which light.
 void SessionKeeper::gather_backgrounds() {
   constexpr int max_width = 640;
-  if (!keep_evidence_) return;
-  for (CameraId camera = 0; camera < session_.flights().size(); ++camera)
+  for (CameraId camera = 0; camera < has_background_.size(); ++camera) {
+    if (has_background_[camera]) continue;
     if (const auto lease = rig_.newest(camera)) {
+      has_background_[camera] = true;
       const Frame& frame = lease->frame();
       evidence_.push_back(
           evidence_of(crop(frame, whole_picture(frame.image, max_width)), camera, 0));
     }
+  }
 }
 
 /// The pictures are in memory for some seconds only: they are copied at once, and stored later.
@@ -173,6 +178,7 @@ void SessionKeeper::gather_evidence(const std::vector<Track>& flights) {
 }
 
 void SessionKeeper::store_evidence() {
+  gather_backgrounds();
   if (evidence_.empty() || !store_.open_session()) return;
   try {
     store_.add_evidence(std::exchange(evidence_, {}));

@@ -54,7 +54,8 @@ class SessionKeeper {
   const bool keep_evidence_;
   LogOnce once_;
   std::deque<News> waiting_;
-  std::vector<Evidence> evidence_;  ///< waits until everything else is stored
+  std::vector<bool> has_background_;  ///< a camera each: the session has its picture
+  std::vector<Evidence> evidence_;    ///< waits until everything else is stored
   std::int64_t flights_stored_ = 0;
   std::optional<std::int64_t> calibration_id_;
   std::optional<std::int64_t> began_here_;  ///< the session that began in this process
