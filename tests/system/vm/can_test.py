@@ -82,6 +82,8 @@ python3 can_talk.py commands can0 $(cat /run/port) /run/state/token out/commands
 until ./throwcal capture start --can can0 > out/start 2> out/locked; do kill -0 $box; sleep 0.2; done # the lock ends
 await '"state":"(warming-up|capturing)"'
 ./throwcal capture stop --can can0 > out/stop
+ask
+echo "$reply" > out/stopped
 ./throwcal capture start --can can0 --token wrong-token > out/wrong 2>&1 || echo $? >> out/wrong
 kill $recorder
 
@@ -387,7 +389,9 @@ def check_commands(result: vm.Result) -> None:
     first, before = answers["start"], answers["a wrong key"]
     assert answers["the same start"] == first and answers["another start"]["session"] == first["session"] == before["session"] + 1, answers
     assert re.fullmatch(r"capturing, session \d+: throw the ball\n", result.text("start")), result.text("start")
-    assert result.text("stop").startswith("done: 0 throws"), result.text("stop")
+    stopped = json.loads(result.text("stopped"))["result"]
+    assert stopped["state"] == "done", stopped
+    assert result.text("stop").startswith(f"done: {stopped['throws']} throw"), (result.text("stop"), stopped)
     assert result.text("wrong").startswith("throwcal: the box says: forbidden; ") and result.text("wrong").endswith("\n1\n"), result.text("wrong")
 
 
