@@ -255,7 +255,14 @@ std::vector<Track> FlightFinder::add(const FrameSightings& frame) {
   return out;
 }
 
-bool FlightFinder::is_following() const { return !state_->open.empty(); }
+std::optional<HostTime> FlightFinder::following_since() const {
+  std::optional<HostTime> since;
+  for (const GrownFlight& flight : state_->open) {
+    const HostTime start = state_->history.at(flight.points.front()).sighting.time;
+    since = std::min(start, since.value_or(start));
+  }
+  return since;
+}
 
 std::vector<Track> FlightFinder::finish() {
   std::vector<Track> out;

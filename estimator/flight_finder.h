@@ -26,8 +26,8 @@ class FlightFinder {
   /// Takes one frame (times ascending) and returns the flights that are over as of this frame,
   /// often none.
   std::vector<Track> add(const FrameSightings& frame);
-  /// Whether something flies that is not over yet.
-  bool is_following() const;
+  /// The first sighting of the oldest flight that is not over yet; nothing: none is followed.
+  std::optional<HostTime> following_since() const;
   /// The flights still open at the end of a recording.
   std::vector<Track> finish();
 

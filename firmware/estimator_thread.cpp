@@ -14,8 +14,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A throw's flights end in one camera after the other. As long as a camera follows one, its
-/// calibration waits, but no longer than this: what seems to fly may be a bird.
+/// A throw's flights end in one camera after the other. As long as a camera follows one that began
+/// before those found ended, the calibration waits, but no longer than this: what seems to fly may
+/// be a bird. An arc after a bounce is not waited for.
 constexpr HostClock::duration longest_wait = 300ms;
 /// Of the time between calibrations, so that frames never pile up behind them.
 constexpr int rest_per_work = 2;
@@ -192,10 +193,16 @@ void EstimatorThread::remember(FrameSightings frame) {
 
 void EstimatorThread::take(const FrameSightings& frame, std::stop_token stop) {
   std::vector<Track> flights = search_->add(frame);
-  if (!flights.empty() && !found_at_) found_at_ = frame.time;
+  if (!flights.empty() && !found_at_) {
+    found_at_ = frame.time;
+    found_until_ = HostTime::min();
+  }
+  for (const Track& flight : flights)
+    found_until_ = std::max(found_until_, flight.sightings.back().time);
   post_flights(std::move(flights));
   if (!found_at_ || frame.time < rested_at_) return;
-  if (search_->is_following() && frame.time < *found_at_ + longest_wait) return;
+  if (search_->is_following_since_before(found_until_) && frame.time < *found_at_ + longest_wait)
+    return;
   found_at_.reset();
   const auto began = std::chrono::steady_clock::now();
   calibrate_now(stop, false);

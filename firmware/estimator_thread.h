@@ -84,7 +84,8 @@ class EstimatorThread {
   HostTime newest_{};                      // of a frame remembered
   std::optional<ThrowSearch> search_;
   std::int64_t session_ = 0;
-  std::optional<HostTime> found_at_;      // of the first flight that is in no calibration yet
+  std::optional<HostTime> found_at_;      // when the first flight was that is in no calibration yet
+  HostTime found_until_{};                // the last sighting of those flights
   HostTime rested_at_ = HostTime::min();  // before it, no calibration is made
   bool cameras_ended_ = false;
 

@@ -25,8 +25,11 @@ std::vector<Track> ThrowSearch::add(const FrameSightings& frame) {
   return keep(finders_.at(frame.camera).add(frame));
 }
 
-bool ThrowSearch::is_following() const {
-  return std::ranges::any_of(finders_, &FlightFinder::is_following);
+bool ThrowSearch::is_following_since_before(HostTime time) const {
+  return std::ranges::any_of(finders_, [&](const FlightFinder& finder) {
+    const auto since = finder.following_since();
+    return since && *since < time;
+  });
 }
 
 std::vector<Track> ThrowSearch::finish() {

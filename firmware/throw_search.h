@@ -31,8 +31,8 @@ class ThrowSearch {
   std::vector<Track> add(const FrameSightings& frame);
   /// The flights that were still open; nothing may be added to any camera after it.
   std::vector<Track> finish();
-  /// Whether some camera follows a flight that is not over yet.
-  bool is_following() const;
+  /// Whether some camera follows a flight that began before `time` and is not over yet.
+  bool is_following_since_before(HostTime time) const;
   std::size_t flights() const { return flights_.size(); }  ///< so far
   /// A flight found earlier, as after a restart.
   void add_flight(Track flight) { flights_.push_back(std::move(flight)); }
