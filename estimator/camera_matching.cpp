@@ -91,6 +91,8 @@ std::optional<CameraMatch> match_cameras(std::span<const CameraFlight> a,
 
   std::optional<CameraMatch> best;
   for (const auto& seed : possible) {
+    // It would lead to the same hypothesis again.
+    if (best && std::ranges::binary_search(best->pairs, seed)) continue;
     auto alignment = align(a, b, {seed}, settings);
     CameraMatch match;
     for (int round = 0; alignment && round < 3; ++round) {

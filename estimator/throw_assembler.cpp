@@ -39,10 +39,6 @@ FlightFitSettings settings_for(const RigDescription& rig) {
   return out;
 }
 
-std::optional<CameraFlight> fit(const ThrowPart& part) {
-  return fit_flight(part.track.camera, part.epoch, part.rays, part.settings);
-}
-
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -68,26 +64,40 @@ ThrowPart as_part(const CameraModel& model, const Track& track, const FlightFitS
   return out;
 }
 
+/// To four bits and to half a milliradian: far less than what either is known to, and the next
+/// throw rarely changes it, so that fits which rest on it stay as they are.
+double rounded_scale(double scale) {
+  int exponent = 0;
+  const double mantissa = std::frexp(scale, &exponent);
+  return std::ldexp(std::round(16 * mantissa) / 16, exponent);
+}
+
+Eigen::Vector3d rounded_gravity(const Eigen::Vector3d& gravity) {
+  const Eigen::Vector3d direction = (2048 * gravity.normalized()).array().round();
+  return gravity.norm() * direction.normalized();
+}
+
 /// Where the rig states no noise, all flights of a camera tell it together.
-void correct_noise(std::vector<ThrowPart>& parts) {
+void correct_noise(std::vector<ThrowPart>& parts, PartFits& fits) {
   std::vector<double> scales;
-  for (const ThrowPart& part : parts) {
-    FlightFitSettings measuring = part.settings;
-    measuring.noise_known = false;
-    if (const auto flight = fit_flight(part.track.camera, part.epoch, part.rays, measuring))
-      scales.push_back(flight->noise_scale);
+  for (ThrowPart& part : parts) {
+    part.settings.noise_known = false;
+    if (const auto& flight = fits.of(part)) scales.push_back(flight->noise_scale);
+    part.settings.noise_known = true;
   }
   if (scales.empty()) return;
-  const double scale = median(scales);
-  for (ThrowPart& part : parts)
+  const double scale = rounded_scale(median(scales));
+  for (ThrowPart& part : parts) {
+    part.noise_scale = scale;
     for (std::size_t i = 0; i < part.rays.size(); ++i) {
       const double var_px2 = 0.5 * part.track.sightings[i].cov_px2.trace();
       part.rays[i].whitener /= std::sqrt(scale * scale + slow_error_px * slow_error_px / var_px2);
     }
+  }
 }
 
 /// Tracks that are pieces of one flight become one.
-void join_pieces(std::vector<ThrowPart>& parts) {
+void join_pieces(std::vector<ThrowPart>& parts, PartFits& fits) {
   for (std::size_t i = 0; i + 1 < parts.size();) {
     const ThrowPart &a = parts[i], &b = parts[i + 1];
     const double gap_s = seconds(b.track.sightings.front().time - a.track.sightings.back().time);
@@ -99,7 +109,7 @@ void join_pieces(std::vector<ThrowPart>& parts) {
       ray.time_s += seconds(b.epoch - a.epoch);
       whole.rays.push_back(ray);
     }
-    const auto flight = gap_s > 0 && gap_s < max_piece_gap_s ? fit(whole) : std::nullopt;
+    const auto flight = gap_s > 0 && gap_s < max_piece_gap_s ? fits.of(whole) : std::nullopt;
     const auto kept = flight ? std::count(flight->used.begin(), flight->used.end(), true) : 0;
     if (!flight || flight->chi2 > max_joined_chi2_per_dof * flight->dof ||
         10 * kept < 9 * std::ssize(whole.rays)) {
@@ -119,29 +129,31 @@ bool is_clean(const CameraFlight& flight) {
 }
 
 /// Fits all tracks of a camera: each alone, then with the gravity that they agree on.
-CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector<Track>& tracks) {
+CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector<Track>& tracks,
+                   PartFits& fits) {
   const CameraDescription& description = rig.cameras[camera];
   CameraView out;
   std::vector<ThrowPart> parts;
   for (const Track& track : tracks)
-    if (track.camera == camera && !track.sightings.empty())
+    if (track.camera == camera)
       parts.push_back(as_part(description.model, track, settings_for(rig)));
   std::erase_if(parts, [](const ThrowPart& part) { return part.rays.empty(); });
   std::sort(parts.begin(), parts.end(),
             [](const ThrowPart& a, const ThrowPart& b) { return a.epoch < b.epoch; });
-  if (!description.sigma_px) correct_noise(parts);
-  join_pieces(parts);
+  if (!description.sigma_px) correct_noise(parts, fits);
+  join_pieces(parts, fits);
   std::vector<CameraFlight> alone;
   std::erase_if(parts, [&](const ThrowPart& part) {
-    const auto flight = fit(part);
+    const auto& flight = fits.of(part);
     const bool good = flight && is_clean(*flight);
     if (good) alone.push_back(*flight);
     return !good;
   });
-  const auto gravity = mean_gravity(alone);
+  auto gravity = mean_gravity(alone);
+  if (gravity) gravity = rounded_gravity(*gravity);
   for (ThrowPart& part : parts) {
     part.settings.gravity_cam_mps2 = gravity;
-    const auto flight = fit(part);
+    const auto& flight = fits.of(part);
     if (!flight) continue;
     part.settings.sigma_gravity_rad = sigma_gravity_rad;  // from here on, ends are judged
     out.flights.push_back(*flight);
@@ -252,8 +264,8 @@ Assembly assemble_flights(const std::vector<CameraView>& views, const std::vecto
   return wider.flights >= 2 * out.flights ? wider : out;
 }
 
-Throw as_throw(std::vector<ThrowPart> parts) {
-  cut_edges(parts);
+Throw as_throw(std::vector<ThrowPart> parts, PartFits& fits) {
+  cut_edges(parts, fits);
   Throw out;
   for (ThrowPart& part : parts) out.tracks.push_back(std::move(part.track));
   std::sort(out.tracks.begin(), out.tracks.end(),
@@ -266,12 +278,17 @@ Throw as_throw(std::vector<ThrowPart> parts) {
 ThrowAssembler::ThrowAssembler(const RigDescription& rig, ThrowAssemblerSettings settings)
     : rig_(rig), settings_(settings) {}
 
-void ThrowAssembler::add(Track track) { tracks_.push_back(std::move(track)); }
+void ThrowAssembler::add(Track track) {
+  if (!track.sightings.empty()) tracks_.push_back(std::move(track));
+}
 
-std::vector<Throw> ThrowAssembler::assemble() const {
+std::vector<Throw> ThrowAssembler::assemble() {
+  std::ranges::sort(tracks_, {}, [](const Track& track) {
+    return std::pair(track.sightings.front().time, track.camera);
+  });
   std::vector<CameraView> views;
   for (CameraId camera = 0; camera < rig_.cameras.size(); ++camera)
-    views.push_back(view_of(rig_, camera, tracks_));
+    views.push_back(view_of(rig_, camera, tracks_, fits_));
   const AlignmentSettings strict{.estimate_offset = rig_.estimate_offsets,
                                  .max_offset_s = settings_.max_offset_s};
 
@@ -287,7 +304,7 @@ std::vector<Throw> ThrowAssembler::assemble() const {
       parts.back().offset_s = assembly.tree.offset_s(all[i].camera);
     }
     const double start_s = seconds(parts.front().epoch.time_since_epoch()) + parts.front().offset_s;
-    timed.emplace_back(start_s, as_throw(std::move(parts)));
+    timed.emplace_back(start_s, as_throw(std::move(parts), fits_));
   }
   std::stable_sort(timed.begin(), timed.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -296,6 +313,7 @@ std::vector<Throw> ThrowAssembler::assemble() const {
     thrown.id = std::to_string(out.size() + 1);
     out.push_back(std::move(thrown));
   }
+  fits_.forget_unused();
   return out;
 }
 

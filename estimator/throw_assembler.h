@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "estimator/observation.h"
+#include "estimator/part_fits.h"
 #include "estimator/rig_description.h"
 
 namespace throwcal {
@@ -19,13 +20,15 @@ class ThrowAssembler {
   explicit ThrowAssembler(const RigDescription& rig, ThrowAssemblerSettings settings = {});
 
   void add(Track track);
-  /// All throws that the tracks so far make, ordered by time, named "1", "2", ... in that order.
-  std::vector<Throw> assemble() const;
+  /// All throws that the tracks so far make, ordered by time, named "1", "2", ... in that order. In
+  /// whichever order the tracks came, the same tracks make the same throws.
+  std::vector<Throw> assemble();
 
  private:
   RigDescription rig_;
   ThrowAssemblerSettings settings_;
   std::vector<Track> tracks_;
+  PartFits fits_;
 };
 
 }  // namespace throwcal

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <span>
 
 namespace throwcal {
 namespace {
@@ -39,10 +38,9 @@ std::size_t count_beyond(const ThrowPart& part, HostTime origin, double moment_s
   return n;
 }
 
-std::optional<CameraFlight> fit(const ThrowPart& part, std::size_t skip, bool front) {
-  const std::span<const TimedRay> all(part.rays);
-  return fit_flight(part.track.camera, part.epoch,
-                    front ? all.subspan(skip) : all.first(all.size() - skip), part.settings);
+const std::optional<CameraFlight>& fit(PartFits& fits, const ThrowPart& part, std::size_t skip,
+                                       bool front) {
+  return fits.of(part, front ? skip : 0, part.rays.size() - skip);
 }
 
 void drop(ThrowPart& part, std::size_t count, bool front) {
@@ -58,12 +56,13 @@ void drop(ThrowPart& part, std::size_t count, bool front) {
 }
 
 /// By how many sigmas what lies beyond a moment costs more than chance, over all cameras.
-double excess(const std::vector<ThrowPart>& parts, HostTime origin, double moment_s, bool front) {
+double excess(const std::vector<ThrowPart>& parts, PartFits& fits, HostTime origin, double moment_s,
+              bool front) {
   double cost = 0.0, freedom = 0.0;
   for (const ThrowPart& part : parts) {
     const std::size_t n = count_beyond(part, origin, moment_s, front);
     if (n == 0 || part.rays.size() < min_left + n) continue;
-    const auto with = fit(part, 0, front), without = fit(part, n, front);
+    const auto &with = fit(fits, part, 0, front), &without = fit(fits, part, n, front);
     if (!with || !without) continue;
     // An edge sighting that the fit already left out as an outlier costs what an outlier may.
     cost += with->chi2 - without->chi2;
@@ -75,14 +74,15 @@ double excess(const std::vector<ThrowPart>& parts, HostTime origin, double momen
 }
 
 /// True where anything was cut.
-bool cut(std::vector<ThrowPart>& parts, HostTime origin, double frame_s, bool front) {
+bool cut(std::vector<ThrowPart>& parts, PartFits& fits, HostTime origin, double frame_s,
+         bool front) {
   bool has_cut = false;
   for (int round = 0; round < rounds; ++round) {
     const double edge_s = edge_time(parts, origin, front);
     double worst = excess_sigmas, moment_s = 0.0;
     for (int k = 1; k <= max_cut_frames; ++k) {
       const double m = front ? edge_s + (k - 0.5) * frame_s : edge_s - (k - 0.5) * frame_s;
-      const double z = excess(parts, origin, m, front);
+      const double z = excess(parts, fits, origin, m, front);
       if (z <= worst) continue;
       worst = z;
       moment_s = m;
@@ -131,7 +131,7 @@ void drop_partial(ThrowPart& part, bool front) {
 
 }  // namespace
 
-void cut_edges(std::vector<ThrowPart>& parts) {
+void cut_edges(std::vector<ThrowPart>& parts, PartFits& fits) {
   if (parts.empty()) return;
   const HostTime origin = parts.front().epoch;
   double frame_s = 0.0;
@@ -139,7 +139,7 @@ void cut_edges(std::vector<ThrowPart>& parts) {
   for (const bool front : {true, false}) {
     for (ThrowPart& part : parts) drop_partial(part, front);
     const bool clear = is_clear(parts, origin, frame_s, front);
-    if (cut(parts, origin, frame_s, front) || !clear) guard(parts, origin, frame_s, front);
+    if (cut(parts, fits, origin, frame_s, front) || !clear) guard(parts, origin, frame_s, front);
   }
 }
 

@@ -12,13 +12,18 @@ void SightingNumbering::number(FrameSightings& frame) {
     sighting.id = (std::uint64_t{frame.camera} << 40) + ++counts_.at(frame.camera);
 }
 
-ThrowSearch::ThrowSearch(const RigDescription& rig) : rig_(rig) {
+ThrowSearch::ThrowSearch(const RigDescription& rig) : assembler_(rig) {
   for (CameraId id = 0; id < rig.cameras.size(); ++id) finders_.emplace_back(rig, id);
 }
 
 std::vector<Track> ThrowSearch::keep(std::vector<Track> flights) {
-  flights_.insert(flights_.end(), flights.begin(), flights.end());
+  for (const Track& flight : flights) add_flight(flight);
   return flights;
+}
+
+void ThrowSearch::add_flight(Track flight) {
+  assembler_.add(std::move(flight));
+  ++flights_;
 }
 
 std::vector<Track> ThrowSearch::add(const FrameSightings& frame) {
@@ -37,16 +42,6 @@ std::vector<Track> ThrowSearch::finish() {
   for (FlightFinder& finder : finders_)
     std::ranges::move(finder.finish(), std::back_inserter(open));
   return keep(std::move(open));
-}
-
-std::vector<Throw> ThrowSearch::throws() const {
-  std::vector<Track> ordered = flights_;
-  std::ranges::sort(ordered, {}, [](const Track& flight) {
-    return std::pair(flight.sightings.front().time, flight.camera);
-  });
-  ThrowAssembler assembler(rig_);
-  for (Track& flight : ordered) assembler.add(std::move(flight));
-  return assembler.assemble();
 }
 
 std::vector<Throw> find_throws(const RigDescription& rig,

@@ -33,19 +33,17 @@ class ThrowSearch {
   std::vector<Track> finish();
   /// Whether some camera follows a flight that began before `time` and is not over yet.
   bool is_following_since_before(HostTime time) const;
-  std::size_t flights() const { return flights_.size(); }  ///< so far
+  std::size_t flights() const { return flights_; }  ///< so far
   /// A flight found earlier, as after a restart.
-  void add_flight(Track flight) { flights_.push_back(std::move(flight)); }
-  /// The throws so far: whichever camera's thread was faster, the same flights make the same
-  /// throws.
-  std::vector<Throw> throws() const;
+  void add_flight(Track flight);
+  std::vector<Throw> throws() { return assembler_.assemble(); }  ///< so far
 
  private:
   std::vector<Track> keep(std::vector<Track> flights);
 
-  RigDescription rig_;
   std::vector<FlightFinder> finders_;
-  std::vector<Track> flights_;
+  ThrowAssembler assembler_;
+  std::size_t flights_ = 0;
 };
 
 /// All throws of a recording: this is how frames become throws. `next_frame` hands out every
