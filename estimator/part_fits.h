@@ -17,8 +17,7 @@ struct ThrowPart {
   Track track;
   std::vector<TimedRay> rays;  ///< one a sighting; times relative to `epoch`
   HostTime epoch{};
-  double noise_scale = 1.0;  ///< of the camera, by which the rays' whiteners are corrected
-  double offset_s = 0.0;     ///< this camera's clock + offset = the throw's clock
+  double offset_s = 0.0;  ///< this camera's clock + offset = the throw's clock
   double frame_interval_s = 1.0 / 60.0;
   FlightFitSettings settings;
 };
@@ -28,8 +27,8 @@ struct ThrowPart {
 /// forget_unused() is forgotten.
 class PartFits {
  public:
-  /// Of `count` sightings from `first` on. All parts of a camera must come from the same rig and
-  /// the same sightings, whose rays their noise scale determines.
+  /// Of `count` sightings from `first` on. The parts' rays must all be of one rig's sightings: then
+  /// the first and the last ray and their number tell which they are.
   const std::optional<CameraFlight>& of(const ThrowPart& part, std::size_t first,
                                         std::size_t count);
   const std::optional<CameraFlight>& of(const ThrowPart& part) {
@@ -38,9 +37,9 @@ class PartFits {
   void forget_unused();
 
  private:
-  /// Camera, epoch, first and last ray, their number; noise; gravity and its sigma.
-  using Key = std::tuple<CameraId, HostTime, double, double, std::size_t, double, bool, double,
-                         double, double, double>;
+  /// Camera, epoch; time and weight of the first and the last ray, their number; settings.
+  using Key = std::tuple<CameraId, HostTime, double, double, double, double, std::size_t, bool,
+                         double, double, double, double>;
   struct Known {
     std::optional<CameraFlight> flight;
     bool is_used = true;

@@ -3,8 +3,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
+#include <span>
 #include <utility>
 
 #include "estimator/camera_matching.h"
@@ -64,20 +66,15 @@ ThrowPart as_part(const CameraModel& model, const Track& track, const FlightFitS
   return out;
 }
 
-/// To four bits and to half a milliradian: far less than what either is known to, and the next
-/// throw rarely changes it, so that fits which rest on it stay as they are.
-double rounded_scale(double scale) {
-  int exponent = 0;
-  const double mantissa = std::frexp(scale, &exponent);
-  return std::ldexp(std::round(16 * mantissa) / 16, exponent);
+/// How many flights, in order of time, tell a camera's noise and gravity to the flight of an index:
+/// those up to it, roughly, or the first few where these are more. So one flight more does not
+/// change it, and the fits that rest on it stay.
+std::size_t informants(std::size_t index, std::size_t flights) {
+  constexpr std::size_t enough = 8;
+  return std::min(flights, std::max(enough, std::bit_floor(index + 1)));
 }
 
-Eigen::Vector3d rounded_gravity(const Eigen::Vector3d& gravity) {
-  const Eigen::Vector3d direction = (2048 * gravity.normalized()).array().round();
-  return gravity.norm() * direction.normalized();
-}
-
-/// Where the rig states no noise, all flights of a camera tell it together.
+/// Where the rig states no noise, a camera's flights tell it together.
 void correct_noise(std::vector<ThrowPart>& parts, PartFits& fits) {
   std::vector<double> scales;
   for (ThrowPart& part : parts) {
@@ -86,9 +83,10 @@ void correct_noise(std::vector<ThrowPart>& parts, PartFits& fits) {
     part.settings.noise_known = true;
   }
   if (scales.empty()) return;
-  const double scale = rounded_scale(median(scales));
-  for (ThrowPart& part : parts) {
-    part.noise_scale = scale;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    const auto end = static_cast<std::ptrdiff_t>(informants(k, scales.size()));
+    ThrowPart& part = parts[k];
+    const double scale = median({scales.begin(), scales.begin() + end});
     for (std::size_t i = 0; i < part.rays.size(); ++i) {
       const double var_px2 = 0.5 * part.track.sightings[i].cov_px2.trace();
       part.rays[i].whitener /= std::sqrt(scale * scale + slow_error_px * slow_error_px / var_px2);
@@ -149,9 +147,14 @@ CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector
     if (good) alone.push_back(*flight);
     return !good;
   });
-  auto gravity = mean_gravity(alone);
-  if (gravity) gravity = rounded_gravity(*gravity);
-  for (ThrowPart& part : parts) {
+  std::optional<Eigen::Vector3d> gravity;
+  std::size_t told_by = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    ThrowPart& part = parts[i];
+    if (const std::size_t count = informants(i, alone.size()); count != told_by) {
+      gravity = mean_gravity(std::span(alone).first(count));
+      told_by = count;
+    }
     part.settings.gravity_cam_mps2 = gravity;
     const auto& flight = fits.of(part);
     if (!flight) continue;

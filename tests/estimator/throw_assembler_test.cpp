@@ -197,6 +197,40 @@ TEST(ThrowAssembler, SightingsOfHiddenBallsAtAThrowsEdgesAreLeftOut) {
   EXPECT_TRUE(inside.empty()) << "hidden only for a moment: still of use";
 }
 
+std::vector<std::vector<std::uint64_t>> sightings_of(const std::vector<Throw>& throws) {
+  std::vector<std::vector<std::uint64_t>> out;
+  for (const Throw& thrown : throws)
+    for (const Track& track : thrown.tracks) {
+      out.emplace_back();
+      for (const BallSighting& s : track.sightings) out.back().push_back(s.id);
+    }
+  return out;
+}
+
+// A box puts them together after each; whoever repeats it, once.
+TEST(ThrowAssembler, WhatItKnowsOfEarlierTracksChangesNothing) {
+  for (const bool state_sigma : {true, false}) {
+    Thrown scene = make_thrown({.seed = 3, .throws = 20, .state_sigma = state_sigma});
+    // A hand's last frame at some edges, so that there is something to cut.
+    for (std::size_t j = 0; j < scene.throws.size(); j += 3)
+      for (Track& track : scene.throws[j].tracks) track.sightings.front().center_px.x() += 3.0;
+    ThrowAssembler again_and_again(scene.rig);
+    std::vector<Throw> last;
+    std::vector<Track> so_far;
+    for (const Throw& thrown : scene.throws) {
+      for (const Track& track : thrown.tracks) {
+        again_and_again.add(track);
+        so_far.push_back(track);
+      }
+      last = again_and_again.assemble();
+      ThrowAssembler once(scene.rig);
+      for (const Track& track : so_far) once.add(track);
+      ASSERT_EQ(sightings_of(last), sightings_of(once.assemble())) << so_far.size() << " tracks";
+    }
+    EXPECT_EQ(last.size(), scene.throws.size());
+  }
+}
+
 TEST(ThrowAssembler, NoTracksNoThrows) {
   EXPECT_TRUE(ThrowAssembler(make_thrown({}).rig).assemble().empty());
 }
