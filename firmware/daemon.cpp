@@ -223,6 +223,7 @@ JsonRpc::Json Daemon::latest_calibration() {
 void Daemon::tick() {
   ticker_.after(tick_period);
   follow([&] { keeper_.catch_up(); });
+  if (session_.state() == SessionState::done) set_log_session({});
   resume_unsolved();
   judge_last_calibration();
   judge_trouble();

@@ -44,32 +44,33 @@ bool SessionKeeper::stored(const Work& work) {
 std::optional<std::string> SessionKeeper::begin(SessionFacts facts, const SessionGoal& goal) {
   if (auto why = session_.refusal(SessionEvent::start)) return why;
   std::int64_t id = 0;
-  if (!stored([&] { id = store_.start_session(std::move(facts)); })) return fault_;
-  waiting_.clear();
-  evidence_.clear();
-  flights_stored_ = 0;
-  stopped_utc_.reset();
-  calibration_id_.reset();
-  began_here_ = id;
-  has_background_.assign(session_.flights().size(), !keep_evidence_);
+  const bool has_begun = stored([&] {
+    finish_aborted();
+    id = store_.start_session(std::move(facts));
+  });
+  if (!has_begun) return fault_;
+  now_ = {.has_background = std::vector<bool>(session_.flights().size(), !keep_evidence_),
+          .began_here = true};
   gather_backgrounds();
   return session_.start(id, goal);
 }
 
 void SessionKeeper::stop(const std::string& utc) {
-  stopped_utc_ = utc;
+  now_.stopped_utc = utc;
   catch_up();
 }
 
 std::optional<std::string> SessionKeeper::abort() {
   if (auto why = session_.abort()) return why;
-  waiting_.clear();
-  evidence_.clear();
-  stopped_utc_.reset();
-  calibration_id_.reset();
-  has_background_.clear();
-  stored([&] { store_.finish_session("aborted"); });
+  now_ = {.is_aborted = true};
+  catch_up();
   return {};
+}
+
+/// Else the next start would take it for one that was interrupted, and solve it.
+void SessionKeeper::finish_aborted() {
+  if (now_.is_aborted && store_.open_session()) store_.finish_session("aborted");
+  now_.is_aborted = false;
 }
 
 std::optional<std::vector<Track>> SessionKeeper::resume(const std::vector<std::string>& cameras,
@@ -79,7 +80,7 @@ std::optional<std::vector<Track>> SessionKeeper::resume(const std::vector<std::s
   std::vector<CameraId> seen_by;
   for (const Track& flight : unsolved->flights) seen_by.push_back(flight.camera);
   if (session_.resume_solving(unsolved->session, seen_by)) return {};
-  flights_stored_ = std::ssize(unsolved->flights);
+  now_ = {.flights_stored = std::ssize(unsolved->flights)};
   if (store_.facts().stopped_utc.empty()) stop(utc);
   return std::move(unsolved->flights);
 }
@@ -90,20 +91,21 @@ void SessionKeeper::take(News news) {
     once_.warning("flights", std::to_string(news.flights_dropped) +
                                  " flights were lost: the main loop was too slow");
   if (news.calibration)  // only the newest matters
-    for (News& older : waiting_) older.calibration.reset();
-  waiting_.push_back(std::move(news));
+    for (News& older : now_.waiting) older.calibration.reset();
+  now_.waiting.push_back(std::move(news));
   catch_up();
 }
 
 void SessionKeeper::catch_up() {
   stored([&] {
+    finish_aborted();
     store_.ready();
-    while (!waiting_.empty()) {
-      store_and_tell(waiting_.front());
-      waiting_.pop_front();
+    while (!now_.waiting.empty()) {
+      store_and_tell(now_.waiting.front());
+      now_.waiting.pop_front();
     }
-    if (stopped_utc_ && store_.open_session()) store_.stop_session(*stopped_utc_);
-    stopped_utc_.reset();
+    if (now_.stopped_utc && store_.open_session()) store_.stop_session(*now_.stopped_utc);
+    now_.stopped_utc.reset();
   });
 }
 
@@ -112,7 +114,7 @@ void SessionKeeper::store_and_tell(News& news) {
   if (!news.flights.empty()) {
     store_.add_flights(news.flights);
     gather_evidence(news.flights);
-    flights_stored_ += std::ssize(news.flights);
+    now_.flights_stored += std::ssize(news.flights);
     for (const Track& flight : std::exchange(news.flights, {}))
       session_.flight_found(flight.camera);
   }
@@ -121,7 +123,7 @@ void SessionKeeper::store_and_tell(News& news) {
     session_.calibrated(news.throws, std::exchange(news.calibration, {}));
   }
   if (news.solved) {
-    if (stopped_utc_) store_.stop_session(*std::exchange(stopped_utc_, {}));
+    if (now_.stopped_utc) store_.stop_session(*std::exchange(now_.stopped_utc, {}));
     store_evidence();
     store_.finish_session("done");
     session_.solved();
@@ -135,7 +137,7 @@ void SessionKeeper::store_calibration(const News& news) {
   if (devices != store_.facts().devices) store_.set_devices(devices);
   Json document = to_json(*news.calibration, utc_now());
   add_devices(document, devices);
-  calibration_id_ = store_.add_calibration(
+  now_.calibration_id = store_.add_calibration(
       {0, document.at("created_utc").get<std::string>(), document.at("verdict").get<std::string>(),
        news.throws, static_cast<std::int64_t>(news.calibrated_flights),
        document.dump(-1, ' ', false, Json::error_handler_t::replace)});
@@ -144,7 +146,7 @@ void SessionKeeper::store_calibration(const News& news) {
 /// What was behind the cameras when the session began, and of those that came later since then.
 SessionFacts::Json SessionKeeper::devices_now() const {
   SessionFacts::Json devices = store_.facts().devices;
-  if (began_here_ != session_.id()) return devices;
+  if (!now_.began_here) return devices;
   const SessionFacts::Json now = devices_of(rig_.stats(), true);
   for (const auto& [name, device] : now.items())
     if (!devices.contains(name)) devices[name] = device;
@@ -155,12 +157,12 @@ SessionFacts::Json SessionKeeper::devices_now() const {
 /// which light.
 void SessionKeeper::gather_backgrounds() {
   constexpr int max_width = 640;
-  for (CameraId camera = 0; camera < has_background_.size(); ++camera) {
-    if (has_background_[camera]) continue;
+  for (CameraId camera = 0; camera < now_.has_background.size(); ++camera) {
+    if (now_.has_background[camera]) continue;
     if (const auto lease = rig_.newest(camera)) {
-      has_background_[camera] = true;
+      now_.has_background[camera] = true;
       const Frame& frame = lease->frame();
-      evidence_.push_back(
+      now_.evidence.push_back(
           evidence_of(crop(frame, whole_picture(frame.image, max_width)), camera, 0));
     }
   }
@@ -168,20 +170,20 @@ void SessionKeeper::gather_backgrounds() {
 
 /// The pictures are in memory for some seconds only: they are copied at once, and stored later.
 void SessionKeeper::gather_evidence(const std::vector<Track>& flights) {
-  if (!keep_evidence_ || began_here_ != session_.id()) return;
+  if (!keep_evidence_ || !now_.began_here) return;
   for (std::size_t i = 0; i < flights.size(); ++i)
     for (const BallSighting& sighting : flights[i].sightings)
-      if (evidence_.size() < max_evidence_waiting)
+      if (now_.evidence.size() < max_evidence_waiting)
         if (const auto crop = rig_.crop_of(sighting))
-          evidence_.push_back(evidence_of(*crop, sighting.camera,
-                                          flights_stored_ + static_cast<std::int64_t>(i) + 1));
+          now_.evidence.push_back(evidence_of(
+              *crop, sighting.camera, now_.flights_stored + static_cast<std::int64_t>(i) + 1));
 }
 
 void SessionKeeper::store_evidence() {
   gather_backgrounds();
-  if (evidence_.empty() || !store_.open_session()) return;
+  if (now_.evidence.empty() || !store_.open_session()) return;
   try {
-    store_.add_evidence(std::exchange(evidence_, {}));
+    store_.add_evidence(std::exchange(now_.evidence, {}));
     once_.forget("evidence");
   } catch (const StoreError& error) {
     once_.warning("evidence", std::string("pictures of sightings are not kept: ") + error.what());

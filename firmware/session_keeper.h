@@ -23,6 +23,7 @@ class SessionKeeper {
   [[nodiscard]] std::optional<std::string> begin(SessionFacts facts, const SessionGoal& goal);
   /// No more throws.
   void stop(const std::string& utc);
+  /// Throws the session away, at once; on the disk, as soon as it can be.
   [[nodiscard]] std::optional<std::string> abort();
   /// The flights of a session that was interrupted by a restart, to be solved.
   std::optional<std::vector<Track>> resume(const std::vector<std::string>& cameras,
@@ -37,11 +38,24 @@ class SessionKeeper {
   /// once and let go: no calibration needs it.
   void store_evidence();
   /// Of the session's last calibration that is stored.
-  const std::optional<std::int64_t>& calibration_id() const { return calibration_id_; }
+  const std::optional<std::int64_t>& calibration_id() const { return now_.calibration_id; }
 
  private:
+  /// What is kept of one session, from its beginning until the next one's.
+  struct Current {
+    std::deque<News> waiting = {};          ///< to be stored, then told
+    std::vector<Evidence> evidence = {};    ///< waits until everything else is stored
+    std::vector<bool> has_background = {};  ///< a camera each: the session has its picture
+    std::int64_t flights_stored = 0;
+    std::optional<std::int64_t> calibration_id = {};
+    bool began_here = false;                      ///< in this process: rig and cameras are its own
+    std::optional<std::string> stopped_utc = {};  ///< to be stored
+    bool is_aborted = false;                      ///< to be stored
+  };
+
   template <typename Work>
   bool stored(const Work& work);
+  void finish_aborted();
   void store_and_tell(News& news);
   void store_calibration(const News& news);
   void gather_backgrounds();
@@ -53,13 +67,7 @@ class SessionKeeper {
   Rig& rig_;
   const bool keep_evidence_;
   LogOnce once_;
-  std::deque<News> waiting_;
-  std::vector<bool> has_background_;  ///< a camera each: the session has its picture
-  std::vector<Evidence> evidence_;    ///< waits until everything else is stored
-  std::int64_t flights_stored_ = 0;
-  std::optional<std::int64_t> calibration_id_;
-  std::optional<std::int64_t> began_here_;  ///< the session that began in this process
-  std::optional<std::string> stopped_utc_;  ///< to be stored
+  Current now_;
   std::optional<std::string> fault_;
 };
 
