@@ -7,7 +7,7 @@
 #include <map>
 #include <thread>
 
-#include "capture/camera_factory.h"
+#include "tests/support/simulated_cameras.h"
 
 namespace throwcal {
 namespace {
@@ -15,17 +15,6 @@ namespace {
 /// Small pictures: these tests are about threads.
 SimulatedSceneSettings small_scene() {
   return {.seed = 2, .cameras = 3, .width_px = 160, .height_px = 120, .focal_px = 120};
-}
-
-CameraSource simulated(CameraId id, const std::shared_ptr<const SimulatedScene>& scene) {
-  CameraSource source;
-  source.id = id;
-  source.name = "cam" + std::to_string(id + 1);
-  source.source = "simulated";
-  source.model = scene->rig().cameras.at(id).model;
-  source.scene = scene;
-  source.paced = false;
-  return source;
 }
 
 /// A camera that breaks after some frames.
@@ -53,13 +42,7 @@ class BreakingCamera : public Camera {
 
 TEST(Rig, HandsOutEveryFrameOfUnpacedCamerasInOrderAndThenEnds) {
   const auto scene = std::make_shared<const SimulatedScene>(small_scene());
-  std::vector<std::unique_ptr<Camera>> cameras;
-  for (CameraId id = 0; id < 3; ++id) {
-    CameraSource source = simulated(id, scene);
-    source.scene_end_s = 2.0;
-    cameras.push_back(make_camera(source));
-  }
-  Rig rig(std::move(cameras), {.ring_slots = 4, .queue_frames = 8});
+  Rig rig(test::simulated_cameras(3, scene, 2.0), {.ring_slots = 4, .queue_frames = 8});
   rig.start();
   std::map<CameraId, std::vector<HostTime>> times;
   while (const auto frame = rig.next({})) times[frame->camera].push_back(frame->time);
@@ -79,7 +62,7 @@ TEST(Rig, HandsOutEveryFrameOfUnpacedCamerasInOrderAndThenEnds) {
 
 TEST(Rig, ACameraThatFailsSaysWhyAndTheOthersGoOn) {
   const auto scene = std::make_shared<const SimulatedScene>(small_scene());
-  CameraSource source = simulated(0, scene);
+  CameraSource source = test::simulated_source(0, scene);
   source.scene_end_s = 1.0;
   std::vector<std::unique_ptr<Camera>> cameras;
   cameras.push_back(make_camera(source));
@@ -100,8 +83,9 @@ TEST(Rig, ACameraThatFailsSaysWhyAndTheOthersGoOn) {
 TEST(Rig, StopsWhileCamerasWaitForLightAndTheQueueIsFull) {
   const auto scene = std::make_shared<const SimulatedScene>(small_scene());
   std::vector<std::unique_ptr<Camera>> cameras;
-  cameras.push_back(make_camera(simulated(0, scene)));  // endless, and soon waits for the queue
-  CameraSource paced = simulated(1, scene);
+  cameras.push_back(
+      make_camera(test::simulated_source(0, scene)));  // endless, and soon waits for the queue
+  CameraSource paced = test::simulated_source(1, scene);
   paced.paced = true;
   paced.scene_start =
       HostTime((std::chrono::steady_clock::now() + std::chrono::hours(1)).time_since_epoch());
@@ -116,7 +100,7 @@ TEST(Rig, StopsWhileCamerasWaitForLightAndTheQueueIsFull) {
 
 TEST(Rig, NextGivesUpWhenStopIsRequested) {
   const auto scene = std::make_shared<const SimulatedScene>(small_scene());
-  CameraSource paced = simulated(0, scene);
+  CameraSource paced = test::simulated_source(0, scene);
   paced.paced = true;
   paced.scene_start =
       HostTime((std::chrono::steady_clock::now() + std::chrono::hours(1)).time_since_epoch());
@@ -130,13 +114,7 @@ TEST(Rig, NextGivesUpWhenStopIsRequested) {
 
 TEST(Rig, FreezesACamerasLastFramesByReference) {
   const auto scene = std::make_shared<const SimulatedScene>(small_scene());
-  std::vector<std::unique_ptr<Camera>> cameras;
-  for (CameraId id = 0; id < 2; ++id) {
-    CameraSource source = simulated(id, scene);
-    source.scene_end_s = 0.2;
-    cameras.push_back(make_camera(source));
-  }
-  Rig rig(std::move(cameras), {});
+  Rig rig(test::simulated_cameras(2, scene, 0.2), {});
   rig.start();
   std::vector<HostTime> seen;
   while (const auto frame = rig.next({}))

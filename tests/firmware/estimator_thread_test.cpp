@@ -4,32 +4,14 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 
-#include "capture/camera_factory.h"
+#include "tests/support/simulated_cameras.h"
 
 namespace throwcal {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double scene_s = 6.0;
-
-/// Two simulated cameras, as fast as they are looked at, that end after two throws.
-std::vector<std::unique_ptr<Camera>> cameras_of(
-    const std::shared_ptr<const SimulatedScene>& scene) {
-  std::vector<std::unique_ptr<Camera>> cameras;
-  for (CameraId id = 0; id < 2; ++id) {
-    CameraSource source;
-    source.id = id;
-    source.name = "cam" + std::to_string(id + 1);
-    source.source = "simulated";
-    source.model = scene->rig().cameras.at(id).model;
-    source.scene = scene;
-    source.paced = false;
-    source.scene_end_s = scene_s;
-    cameras.push_back(make_camera(source));
-  }
-  return cameras;
-}
+constexpr double scene_s = 6.0;  // two throws
 
 News wait_for(NewsBox& box) {
   pollfd news{box.fd(), POLLIN, 0};
@@ -53,7 +35,7 @@ std::size_t flights_of_a_session(EstimatorThread& estimator, NewsBox& box) {
 std::vector<std::size_t> flights_seen_before(HostClock::duration pre_trigger, int sessions) {
   const auto scene = std::make_shared<const SimulatedScene>(SimulatedSceneSettings{
       .seed = 2, .cameras = 2, .width_px = 320, .height_px = 240, .focal_px = 240});
-  Rig rig(cameras_of(scene), {});
+  Rig rig(test::simulated_cameras(2, scene, scene_s), {});
   NewsBox box;
   EstimatorThread estimator(scene->rig(), rig, box, pre_trigger);
   rig.start();

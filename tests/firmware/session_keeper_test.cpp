@@ -6,6 +6,8 @@
 
 #include <csignal>
 
+#include "tests/support/temporary_folder.h"
+
 namespace throwcal {
 namespace {
 
@@ -30,16 +32,11 @@ class NoRoom {
 
 class SessionKeeperTest : public testing::Test {
  protected:
-  SessionKeeperTest() {
-    std::string name = testing::TempDir() + "throwcal-keeper-XXXXXX";
-    folder_ = mkdtemp(name.data());
-    store_.emplace(folder_);
+  SessionKeeperTest() { start(); }
+
+  void start() {
+    store_.emplace(folder_.path());
     keeper_.emplace(session_, *store_, rig_, false);
-  }
-  ~SessionKeeperTest() override {
-    keeper_.reset();
-    store_.reset();
-    std::filesystem::remove_all(folder_);
   }
 
   std::optional<std::string> begin() {
@@ -63,14 +60,13 @@ class SessionKeeperTest : public testing::Test {
     keeper_.reset();
     store_.reset();
     session_ = Session(2);
-    store_.emplace(folder_);
-    keeper_.emplace(session_, *store_, rig_, false);
+    start();
   }
 
   std::string state_of(std::int64_t id) const { return store_->session(id)->at("state"); }
 
   const std::vector<std::string> names_{"north", "east"};
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
   Session session_{2};
   Rig rig_{{}, {}};
   std::optional<Store> store_;

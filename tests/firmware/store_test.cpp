@@ -5,18 +5,13 @@
 
 #include <fstream>
 
+#include "tests/support/temporary_folder.h"
+
 namespace throwcal {
 namespace {
 
-/// A folder of its own that goes with the test.
 class StoreTest : public testing::Test {
  protected:
-  StoreTest() {
-    std::string name = testing::TempDir() + "throwcal-store-XXXXXX";
-    folder_ = mkdtemp(name.data());
-  }
-  ~StoreTest() override { std::filesystem::remove_all(folder_); }
-
   /// A session with a calibration of that verdict; over where `state` says so.
   std::int64_t add_session(Store& store, const std::string& verdict, const std::string& state) {
     const std::int64_t id = store.start_session(facts());
@@ -40,7 +35,8 @@ class StoreTest : public testing::Test {
 
   std::filesystem::path file(const char* name) const { return folder_ / "sessions" / name; }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
 };
 
 Track flight() {

@@ -5,19 +5,15 @@
 
 #include "firmware/input_error.h"
 
+#include "tests/support/temporary_folder.h"
+
 namespace throwcal {
 namespace {
 
-/// A folder of its own that goes with the test.
 class TextFileTest : public testing::Test {
  protected:
-  TextFileTest() {
-    std::string name = testing::TempDir() + "throwcal-text-XXXXXX";
-    folder_ = mkdtemp(name.data());
-  }
-  ~TextFileTest() override { std::filesystem::remove_all(folder_); }
-
-  std::filesystem::path folder_;
+  const test::TemporaryFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
 };
 
 TEST_F(TextFileTest, IsReplacedAsAWholeAndLeavesNothingBeside) {
