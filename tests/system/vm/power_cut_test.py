@@ -8,6 +8,7 @@ import os
 import pathlib
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,8 @@ import time
 import vm
 
 KERNELS, CUTS = ((12, 13), 25) if os.environ.get("THROWCAL_LONG") else ((13,), 2)
-CUT_S = (12.0, 40.0)  # after the machine's start; it takes 9 s to boot, more where others use this one
+MOST_TELLINGS = 4  # a life is cut soon after so many of them, at random; none: at any time
+SOON_S, ANY_TIME_S, PATIENCE_S = 3.0, 25.0, 240
 RIG = ("--cameras", "2", "--width", "160", "--height", "120", "--focal", "120", "--fps", "30", "--seed", "3")
 
 SCRIPT = """
@@ -25,6 +27,20 @@ mkdir -p /run/disk
 mount -t ext4 /dev/vdc /run/disk
 python3 power_cut_client.py /run/disk/state told $(cat what) 2> out/log
 """
+
+
+def tellings(share: pathlib.Path) -> int:
+    told = share / "told"
+    return len(told.read_text().splitlines()) if told.exists() else 0
+
+
+def cut_somewhen(machine: subprocess.Popen, share: pathlib.Path, dice: random.Random) -> None:
+    before, wanted = tellings(share), dice.randint(0, MOST_TELLINGS)
+    deadline = time.monotonic() + PATIENCE_S
+    while tellings(share) < before + wanted and machine.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(dice.uniform(0, SOON_S if wanted else ANY_TIME_S))
+    machine.send_signal(signal.SIGUSR1)
 
 
 def lives_end_by_a_power_cut(kernel: int, build: pathlib.Path, folder: pathlib.Path, dice: random.Random) -> None:
@@ -41,11 +57,13 @@ def lives_end_by_a_power_cut(kernel: int, build: pathlib.Path, folder: pathlib.P
     for life in range(CUTS + 1):
         is_last = life == CUTS
         (share / "what").write_text("look" if is_last else "")
-        end = () if is_last else ("--cut-after", f"{dice.uniform(*CUT_S):.2f}")
-        ended = subprocess.run([*command, *end, share], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+        machine = subprocess.Popen([*command, share], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+        if not is_last:
+            cut_somewhen(machine, share, dice)
+        output = machine.communicate()[0]
         log = (share / "out" / "log").read_text(errors="replace") if (share / "out" / "log").exists() else ""
-        assert ended.returncode == (0 if is_last else 75), f"life {life}: {ended.returncode}\n{ended.stdout[-3000:]}\n{log[-3000:]}"
-    checked = next(line for line in ended.stdout.splitlines() if line.startswith("checked:"))
+        assert machine.returncode == (0 if is_last else 75), f"life {life}: {machine.returncode}\n{output[-3000:]}\n{log[-3000:]}"
+    checked = next(line for line in output.splitlines() if line.startswith("checked:"))
     told = (share / "told").read_text().splitlines()
     calibrations = sum("calibration" in line for line in told)
     print(f"kernel {kernel}: {CUTS} power cuts, the box had told {len(told)} times, {calibrations} of them of a calibration; {checked}", flush=True)
