@@ -17,6 +17,7 @@
 #include "firmware/export.h"
 #include "firmware/input_error.h"
 #include "firmware/metrics.h"
+#include "firmware/session_replay.h"
 #include "firmware/support_bundle.h"
 #include "firmware/text_file.h"
 
@@ -148,14 +149,21 @@ void Daemon::shut_down() {
 
 /// Once, as soon as the store can be read.
 void Daemon::resume_unsolved() {
-  if (has_resumed_ || keeper_.fault()) return;
-  has_resumed_ = true;
-  auto flights = keeper_.resume(camera_names(config_.rig), utc_now());
-  if (!flights) return;
-  set_log_session(session_.id());
-  log_info("session " + std::to_string(*session_.id()) + " was interrupted; solving its " +
-           std::to_string(flights->size()) + " flights");
-  estimator_->solve(*session_.id(), *std::move(flights));
+  if (has_resumed_ || keeper_.fault() || session_.refusal(SessionEvent::resume)) return;
+  auto unsolved = keeper_.resume(camera_names(config_.rig), utc_now());
+  has_resumed_ = !keeper_.fault();
+  if (!unsolved) return;
+  const std::string name = "session " + std::to_string(unsolved->session);
+  set_log_session(unsolved->session);
+  log_info(name + " was interrupted; solving its " + std::to_string(unsolved->flights.size()) +
+           " flights");
+  RigDescription rig = config_.rig;
+  try {
+    rig = config_of(unsolved->facts, name).rig;
+  } catch (const InputError& error) {
+    log_warning(std::string(error.what()) + "; it is solved with the present one");
+  }
+  estimator_->solve(unsolved->session, rig, std::move(unsolved->flights));
 }
 
 /// Makes a change that may end the capture, and if it does, sees to its end.
@@ -179,6 +187,7 @@ void Daemon::take_news() {
   if (was_watching && !session_.is_watching()) ended_itself_ = std::chrono::steady_clock::now();
   if (ended) {
     log_warning("every camera has ended");
+    cameras_have_ended_ = true;
     follow([&] { session_.cameras_ended(); });
   }
 }
@@ -188,17 +197,17 @@ void Daemon::take_news() {
 void Daemon::judge_last_calibration() {
   Json devices = devices_of(rig_.stats(), false);
   if (devices == judged_devices_ && judged_calibration_ == keeper_.calibration_id()) return;
-  std::optional<Json> latest;
+  calibration_problem_.reset();
   try {
-    latest = store_.latest_calibration();
+    if (const auto latest = store_.latest_calibration())
+      for (const std::string& change : camera_changes(*latest, devices))
+        calibration_problem_ = (calibration_problem_ ? *calibration_problem_ + "; " : "") + change;
   } catch (const StoreError& error) {
     once_.warning("store", error.what());
     return;
+  } catch (const Json::exception& error) {
+    calibration_problem_ = std::string("its document is none: ") + error.what();
   }
-  calibration_problem_.reset();
-  if (latest)
-    for (const std::string& change : camera_changes(*latest, devices))
-      calibration_problem_ = (calibration_problem_ ? *calibration_problem_ + "; " : "") + change;
   if (calibration_problem_)
     log_warning("the last calibration is not of these cameras: " + *calibration_problem_);
   judged_devices_ = std::move(devices);
@@ -224,9 +233,9 @@ void Daemon::tick() {
   ticker_.after(tick_period);
   follow([&] { keeper_.catch_up(); });
   if (session_.state() == SessionState::done) set_log_session({});
-  resume_unsolved();
   judge_last_calibration();
   judge_trouble();
+  resume_unsolved();
   if (cameras_are_warm(rig_.stats())) session_.cameras_became_warm();
   const Status now = status_now();
   tell_camera_faults(now.cameras, once_);
@@ -279,6 +288,8 @@ Json Daemon::start_capture(bool ends_itself) {
   estimator_->begin_session(*session_.id());
   set_log_session(session_.id());
   log_info(Happening::session_began, "session " + std::to_string(*session_.id()) + " began");
+  if (cameras_have_ended_)  // what they saw just before is all there will be
+    follow([&] { session_.cameras_ended(); });
   return status();
 }
 
@@ -304,6 +315,7 @@ Json Daemon::delete_session(std::int64_t session) {
   } catch (const StoreError& error) {
     throw RpcError(rpc_refused, error.what());
   }
+  keeper_.forget(session);
   judged_devices_ = nullptr;
   log_info("session " + std::to_string(session) + " was deleted");
   return {{"deleted", session}};

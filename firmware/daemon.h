@@ -101,6 +101,7 @@ class Daemon {
   JsonRpc::Json judged_devices_;  ///< with which calibration_problem_ was found; null: not yet
   std::optional<std::int64_t> judged_calibration_;
   bool has_resumed_ = false;
+  bool cameras_have_ended_ = false;
   std::chrono::steady_clock::time_point ended_itself_{};  ///< when a session last did
   std::optional<EstimatorThread> estimator_;
   std::optional<Panel> panel_;

@@ -62,8 +62,9 @@ void EstimatorThread::finish_session() { give({Order::Kind::finish}); }
 
 void EstimatorThread::abandon_session() { give({Order::Kind::abandon}); }
 
-void EstimatorThread::solve(std::int64_t session, std::vector<Track> flights) {
-  give({Order::Kind::solve, session, std::move(flights)});
+void EstimatorThread::solve(std::int64_t session, const RigDescription& rig,
+                            std::vector<Track> flights) {
+  give({Order::Kind::solve, session, rig, std::move(flights)});
 }
 
 void EstimatorThread::change(const Target& target, HostClock::duration pre_trigger) {
@@ -148,7 +149,8 @@ void EstimatorThread::obey(Order order, std::stop_token stop) {
       break;
     case Order::Kind::solve:
       session_ = order.session;
-      search_.emplace(description_);
+      session_rig_ = std::move(order.rig);
+      search_.emplace(session_rig_);
       for (Track& flight : order.flights) search_->add_flight(std::move(flight));
       break;
   }
@@ -158,7 +160,8 @@ void EstimatorThread::obey(Order order, std::stop_token stop) {
 
 void EstimatorThread::begin(std::int64_t session, std::stop_token stop) {
   session_ = session;
-  search_.emplace(description_);
+  session_rig_ = description_;
+  search_.emplace(session_rig_);
   found_at_.reset();
   rested_at_ = HostTime::min();
   for (const FrameSightings& frame : std::exchange(remembered_, {}))
@@ -220,7 +223,7 @@ void EstimatorThread::calibrate_now(std::stop_token stop, bool last) {
   };
   try {
     auto calibration =
-        std::make_shared<const Calibration>(calibrate(description_, throws, settings));
+        std::make_shared<const Calibration>(calibrate(session_rig_, throws, settings));
     news_.post({.session = session_,
                 .throws = times_thrown(throws),
                 .calibrated_flights = search_->flights(),

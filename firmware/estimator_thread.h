@@ -32,8 +32,8 @@ class EstimatorThread {
   void finish_session();
   /// Throws the session away; a calibration that is being made, too.
   void abandon_session();
-  /// A session of before: calibrates its flights, posts `solved`.
-  void solve(std::int64_t session, std::vector<Track> flights);
+  /// A session of before: calibrates its flights with its own rig, posts `solved`.
+  void solve(std::int64_t session, const RigDescription& rig, std::vector<Track> flights);
   /// From the next session on; between two.
   void change(const Target& target, HostClock::duration pre_trigger);
   /// Gives up what it is doing, a calibration included. False: it is at work that can't be given up
@@ -47,6 +47,7 @@ class EstimatorThread {
   struct Order {
     enum class Kind { begin, finish, abandon, solve, change } kind;
     std::int64_t session = 0;
+    RigDescription rig = {};
     std::vector<Track> flights = {};
     Target target = {};
     HostClock::duration pre_trigger = {};
@@ -64,7 +65,7 @@ class EstimatorThread {
   void post_flights(std::vector<Track> flights);
   void calibrate_now(std::stop_token stop, bool last);
 
-  RigDescription description_;
+  RigDescription description_;  // of the sessions to come
   Rig& rig_;
   NewsBox& news_;
   HostClock::duration pre_trigger_;
@@ -84,6 +85,7 @@ class EstimatorThread {
   HostTime newest_{};                      // of a frame remembered
   std::optional<ThrowSearch> search_;
   std::int64_t session_ = 0;
+  RigDescription session_rig_;
   std::optional<HostTime> found_at_;      // when the first flight was that is in no calibration yet
   HostTime found_until_{};                // the last sighting of those flights
   HostTime rested_at_ = HostTime::min();  // before it, no calibration is made

@@ -44,7 +44,12 @@ Json read_part(const Store& store, const Json& params) {
   const std::int64_t session = required_session(params);
   const std::int64_t offset =
       params.contains("offset") ? required_number(params, "offset", "the last part") : 0;
-  const auto file = store.file_of(session);
+  std::optional<std::filesystem::path> file;
+  try {
+    file = store.file_of(session);
+  } catch (const StoreError& error) {
+    throw RpcError(rpc_refused, error.what());
+  }
   if (!file)
     throw RpcError(rpc_refused, "session " + std::to_string(session) +
                                     " is not there, or is under way: stop it first");

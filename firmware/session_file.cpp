@@ -69,8 +69,9 @@ bool is_possible(const BallSighting& s) {
 
 SessionFile SessionFile::make(const std::filesystem::path& file, const SessionFacts& facts) {
   const std::filesystem::path draft = file.string() + ".new";
-  std::filesystem::remove(draft);
-  std::filesystem::remove(draft.string() + "-journal");
+  std::error_code error;  // what can't be removed, SQLite will tell of
+  std::filesystem::remove(draft, error);
+  std::filesystem::remove(draft.string() + "-journal", error);
   {
     const Database made(draft, Database::Mode::make);
     made.execute(before_tables);
@@ -91,7 +92,6 @@ SessionFile SessionFile::make(const std::filesystem::path& file, const SessionFa
       made.execute("PRAGMA user_version=" + std::to_string(schema_version));
     });
   }
-  std::error_code error;
   std::filesystem::rename(draft, file, error);
   if (error) throw StoreError(file.string() + ": can't be put in place: " + error.message());
   sync_folder(file.parent_path());

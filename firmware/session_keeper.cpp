@@ -73,16 +73,26 @@ void SessionKeeper::finish_aborted() {
   now_.is_aborted = false;
 }
 
-std::optional<std::vector<Track>> SessionKeeper::resume(const std::vector<std::string>& cameras,
-                                                        const std::string& utc) {
+std::optional<Store::Unsolved> SessionKeeper::resume(const std::vector<std::string>& cameras,
+                                                     const std::string& utc) {
+  if (session_.refusal(SessionEvent::resume) || !stored([&] { store_.ready(); })) return {};
   std::optional<Store::Unsolved> unsolved;
-  if (!stored([&] { unsolved = store_.resume(cameras); }) || !unsolved) return {};
+  try {
+    unsolved = store_.resume(cameras);
+  } catch (const StoreError& error) {
+    log_warning(std::string("the last session can't be solved: ") + error.what());
+  }
+  if (!unsolved) return {};
   std::vector<CameraId> seen_by;
   for (const Track& flight : unsolved->flights) seen_by.push_back(flight.camera);
-  if (session_.resume_solving(unsolved->session, seen_by)) return {};
+  (void)session_.resume_solving(unsolved->session, seen_by);  // it was asked above
   now_ = {.flights_stored = std::ssize(unsolved->flights)};
-  if (store_.facts().stopped_utc.empty()) stop(utc);
-  return std::move(unsolved->flights);
+  if (unsolved->facts.stopped_utc.empty()) stop(utc);
+  return unsolved;
+}
+
+void SessionKeeper::forget(std::int64_t session) {
+  if (session == session_.id()) now_.calibration_id.reset();
 }
 
 void SessionKeeper::take(News news) {

@@ -25,9 +25,12 @@ class SessionKeeper {
   void stop(const std::string& utc);
   /// Throws the session away, at once; on the disk, as soon as it can be.
   [[nodiscard]] std::optional<std::string> abort();
-  /// The flights of a session that was interrupted by a restart, to be solved.
-  std::optional<std::vector<Track>> resume(const std::vector<std::string>& cameras,
-                                           const std::string& utc);
+  /// A session that was interrupted by a restart, to be solved. Nothing where fault() says that the
+  /// store can't be asked now, or where there is none.
+  std::optional<Store::Unsolved> resume(const std::vector<std::string>& cameras,
+                                        const std::string& utc);
+  /// It was deleted.
+  void forget(std::int64_t session);
 
   void take(News news);
   /// Stores what waits. Call now and then.

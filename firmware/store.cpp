@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include "firmware/input_error.h"
 #include "firmware/text_file.h"
@@ -20,6 +21,8 @@ namespace {
 constexpr std::int64_t ids_per_session = 10'000;
 /// Deleting needs a little room, which a full disk has not: this file has kept it.
 constexpr std::size_t reserve_bytes = 256 * 1024;
+/// With less than this, the disk is as good as full: a calibration and its log need it.
+constexpr std::uintmax_t least_free_bytes = 512 * 1024;
 constexpr const char* extension = ".throwcal";
 constexpr int used_by_another = -2;  // in place of the lock's descriptor
 
@@ -44,6 +47,13 @@ std::vector<std::filesystem::path> logs_of(const std::filesystem::path& file) {
   return {file.string() + "-wal", file.string() + "-journal"};
 }
 
+bool was_cut(const std::filesystem::path& file) {
+  return std::ranges::any_of(logs_of(file), [](const auto& log) {
+    std::error_code none;
+    return std::filesystem::exists(log, none);
+  });
+}
+
 StoreError unusable(const std::filesystem::path& place, const std::string& why) {
   return StoreError(place.string() + ": can't be used: " + why +
                     "; expected a folder that this user may write to");
@@ -65,12 +75,7 @@ Store::Store(std::filesystem::path state_dir, StoreSettings settings)
 }
 
 Store::~Store() {
-  if (current_) {
-    try {
-      current_->seal();
-    } catch (const StoreError&) {  // its log is read at the next start
-    }
-  }
+  if (current_) seal(*current_);
   current_.reset();
   if (lock_ >= 0) close(lock_);
 }
@@ -91,53 +96,91 @@ void Store::take_lock() {
 
 /// What is there can be read though nothing can be written.
 void Store::ready() {
+  const bool was_ready = std::exchange(is_ready_, false);
   if (!is_read_) read_folder();
   if (lock_ < 0) {
     take_lock();
     read_folder();  // now with what only a writer can mend
   }
   if (access(folder_.c_str(), W_OK) != 0) throw unusable(folder_, std::strerror(errno));
-  if (!lay_reserve() && !make_room())
+  if (!has_room())
     throw StoreError(
         folder_.string() + ": the disk is full; delete sessions, or what else is on it", true);
+  if (!was_ready) take_in_logs();
+  is_ready_ = true;
+}
+
+/// Where it is full, the oldest evidence goes until it is not.
+bool Store::has_room() {
+  std::error_code error;
+  const auto is_full = [&] {
+    const auto free = std::filesystem::space(folder_, error).available;
+    return (!error && free < least_free_bytes) || !lay_reserve();
+  };
+  while (is_full())
+    if (!make_room()) return false;
+  return true;
 }
 
 void Store::read_folder() {
   sessions_.clear();
   std::error_code error;
-  for (const auto& item : std::filesystem::directory_iterator(folder_, error)) {
-    if (lock_ >= 0 && item.path().extension() == ".new")
-      std::filesystem::remove(item.path(), error);
-    if (const auto id = id_of(item.path())) sessions_[*id] = entry_of(item.path());
+  for (std::filesystem::directory_iterator item(folder_, error), end; !error && item != end;
+       item.increment(error)) {
+    std::error_code ignored;
+    if (lock_ >= 0 && item->path().extension() == ".new")
+      std::filesystem::remove(item->path(), ignored);
+    if (const auto id = id_of(item->path())) sessions_[*id] = entry_of(item->path());
   }
   const bool is_absent =
       error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory;
   if (error && !is_absent) throw unusable(folder_, error.message());
-  const std::filesystem::path last = state_dir_ / "last-session";
-  if (std::filesystem::exists(last, error))
-    last_id_ = std::max(last_id_, std::int64_t{std::atoll(read_text_file(last).c_str())});
+  last_id_ = std::max(last_id_, last_deleted());
   if (!sessions_.empty()) last_id_ = std::max(last_id_, sessions_.rbegin()->first);
   is_read_ = true;
 }
 
-/// Of a file that was left in the middle, its log is taken in first.
+/// A number is never given twice, though the newest session was deleted.
+std::int64_t Store::last_deleted() const {
+  const std::filesystem::path file = state_dir_ / "last-session";
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return 0;
+  try {
+    return std::atoll(read_text_file(file).c_str());
+  } catch (const InputError& unreadable) {
+    throw StoreError(unreadable.what());
+  }
+}
+
+/// Of a file that was left in the middle, its log is taken in, where there is room for that.
 Store::Entry Store::entry_of(const std::filesystem::path& file) const {
   Entry out{file, {}, {}, false, {}};
   try {
-    const bool was_cut = std::ranges::any_of(logs_of(file), [](const auto& log) {
-      std::error_code none;
-      return std::filesystem::exists(log, none);
-    });
+    const bool has_log = was_cut(file);
     const SessionFile session(file,
-                              was_cut ? SessionFile::For::writing : SessionFile::For::reading);
-    if (was_cut) session.seal();
+                              has_log ? SessionFile::For::writing : SessionFile::For::reading);
     out.facts = session.facts();
     out.calibrations = session.calibrations();
     out.has_evidence = session.evidence_bytes() > 0;
+    if (has_log) seal(session);
   } catch (const StoreError& error) {
     out.problem = error.what();
   }
   return out;
+}
+
+/// Not now: then it is read with its log once more when there is room.
+void Store::seal(const SessionFile& session) {
+  try {
+    session.seal();
+  } catch (const StoreError&) {
+  }
+}
+
+/// Of the sessions that were left in the middle while nothing could be written.
+void Store::take_in_logs() {
+  for (auto& [id, entry] : sessions_)
+    if (id != current_id_ && was_cut(entry.file)) entry = entry_of(entry.file);
 }
 
 SessionFile& Store::current() {
@@ -194,6 +237,7 @@ std::int64_t Store::start_session(SessionFacts facts) {
   facts.id = last_id_ + 1;
   const std::filesystem::path file = folder_ / name_of(facts.id);
   current_.reset();
+  current_id_ = 0;
   current_.emplace(written([&] { return SessionFile::make(file, facts); }));
   current_id_ = last_id_ = facts.id;
   sessions_[facts.id] = {file, std::move(facts), {}, false, {}};
@@ -250,11 +294,18 @@ void Store::finish_session(const std::string& state) {
 std::optional<Store::Unsolved> Store::resume(const std::vector<std::string>& cameras) {
   ready();
   if (sessions_.empty() || current_) return {};
-  const auto& [id, entry] = *sessions_.rbegin();
+  auto& [id, entry] = *sessions_.rbegin();
   if (!entry.problem.empty() || is_over(entry.facts) || entry.facts.cameras != cameras) return {};
-  current_.emplace(entry.file, SessionFile::For::writing);
-  current_id_ = id;
-  return Unsolved{id, current_->flights()};
+  try {
+    SessionFile file(entry.file, SessionFile::For::writing);
+    Unsolved out{id, entry.facts, file.flights()};
+    current_.emplace(std::move(file));
+    current_id_ = id;
+    return out;
+  } catch (const StoreError& error) {
+    entry.problem = error.what();
+    throw;
+  }
 }
 
 std::optional<Store::Json> Store::document_of(std::int64_t session, std::int64_t number) const {
@@ -350,22 +401,30 @@ std::optional<Store::Json> Store::session(std::int64_t id) const {
 std::optional<std::filesystem::path> Store::file_of(std::int64_t id) const {
   const auto found = sessions_.find(id);
   if (found == sessions_.end() || id == current_id_) return {};
-  return found->second.file;
+  const auto& [file, facts, calibrations, has_evidence, problem] = found->second;
+  if (!problem.empty()) throw StoreError(problem);
+  if (was_cut(file))
+    throw StoreError(file.string() + ": is not whole before the box has room to mend it");
+  return file;
 }
 
 void Store::delete_session(std::int64_t id) {
-  const auto file = file_of(id);
-  if (!file) throw StoreError("session " + std::to_string(id) + " is not there, or is under way");
+  const auto found = sessions_.find(id);
+  if (found == sessions_.end() || id == current_id_)
+    throw StoreError("session " + std::to_string(id) + " is not there, or is under way");
+  std::error_code error;
+  std::filesystem::remove(state_dir_ / "reserve", error);  // for this it is there
   try {
     write_text_file(state_dir_ / "last-session", std::to_string(last_id_) + "\n");
-  } catch (const InputError& error) {
-    throw StoreError(error.what());
+  } catch (const InputError& unwritable) {
+    throw StoreError(unwritable.what());
   }
-  std::error_code error;
-  for (const auto& log : logs_of(*file)) std::filesystem::remove(log, error);
-  if (!std::filesystem::remove(*file, error))
-    throw StoreError(file->string() + ": can't be removed: " + error.message());
-  sessions_.erase(id);
+  const std::filesystem::path file = found->second.file;
+  for (const auto& log : logs_of(file)) std::filesystem::remove(log, error);
+  if (!std::filesystem::remove(file, error))
+    throw StoreError(file.string() + ": can't be removed: " + error.message());
+  sessions_.erase(found);
+  lay_reserve();
 }
 
 }  // namespace throwcal

@@ -48,8 +48,11 @@ class Store {
   /// newest, and only if the rig still has the same cameras. It is under way then.
   struct Unsolved {
     std::int64_t session = 0;
+    SessionFacts facts;
     std::vector<Track> flights;
   };
+  /// Throws StoreError also where its flights can't be read: it is not under way then, and later
+  /// calls return nothing.
   std::optional<Unsolved> resume(const std::vector<std::string>& cameras);
 
   // What is there. Calibration documents have their `id` and `session`.
@@ -58,7 +61,7 @@ class Store {
   Json calibration_list() const;  ///< newest first: id, session, created_utc, verdict, throws
   Json session_list() const;      ///< newest first
   std::optional<Json> session(std::int64_t id) const;  ///< with its calibrations
-  /// Of a session that is over.
+  /// Of a session that is over. Throws StoreError where it can't be read, or not without its log.
   std::optional<std::filesystem::path> file_of(std::int64_t id) const;
   void delete_session(std::int64_t id);
 
@@ -75,9 +78,13 @@ class Store {
   void take_lock();
   void read_folder();
   Entry entry_of(const std::filesystem::path& file) const;
+  static void seal(const SessionFile& session);
+  void take_in_logs();
+  std::int64_t last_deleted() const;
   SessionFile& current();
   template <typename Work>
   auto written(const Work& work);
+  bool has_room();
   bool make_room();
   bool lay_reserve();
   Json summary(std::int64_t id, const Entry& entry) const;
@@ -87,6 +94,7 @@ class Store {
   const StoreSettings settings_;
   int lock_ = -1;
   bool is_read_ = false;
+  bool is_ready_ = false;  ///< as of the last ready()
   std::int64_t last_id_ = 0;
   std::map<std::int64_t, Entry> sessions_;
   std::optional<SessionFile> current_;

@@ -90,10 +90,49 @@ TEST_F(SessionKeeperTest, AnInterruptedSessionIsSolvedAtTheNextStart) {
   ASSERT_EQ(begin(), std::nullopt);
   find_flight();
   restart();
-  const auto flights = keeper_->resume(names_, "2026-01-31T12:00:00Z");
-  ASSERT_NE(flights, std::nullopt);
-  EXPECT_EQ(flights->size(), 1u);
+  const auto unsolved = keeper_->resume(names_, "2026-01-31T12:00:00Z");
+  ASSERT_TRUE(unsolved);
+  EXPECT_EQ(unsolved->flights.size(), 1u);
   EXPECT_EQ(session_.state(), SessionState::solving);
+}
+
+// The power went, and the disk is full when it comes back.
+TEST_F(SessionKeeperTest, AnInterruptedSessionWaitsForADiskThatIsFullAtTheStart) {
+  ASSERT_EQ(begin(), std::nullopt);
+  find_flight();
+  const auto cut = folder_.path() / "cut";
+  std::filesystem::copy(folder_.path() / "sessions", cut);  // with its log, as the disk has it
+  keeper_.reset();
+  store_.reset();
+  std::filesystem::remove_all(folder_.path() / "sessions");
+  std::filesystem::rename(cut, folder_.path() / "sessions");
+  std::filesystem::remove(folder_.path() / "reserve");
+  session_ = Session(2);
+  {
+    const NoRoom full;
+    start();
+    EXPECT_NE(keeper_->fault(), std::nullopt);
+    EXPECT_FALSE(keeper_->resume(names_, "2026-01-31T12:00:00Z"));
+    EXPECT_THROW((void)store_->file_of(1), StoreError) << "without its log it is not whole";
+  }
+  keeper_->catch_up();
+  EXPECT_EQ(keeper_->fault(), std::nullopt);
+  EXPECT_FALSE(store_->session(1)->contains("problem")) << *store_->session(1);
+  const auto unsolved = keeper_->resume(names_, "2026-01-31T12:00:00Z");
+  ASSERT_TRUE(unsolved);
+  EXPECT_EQ(unsolved->flights.size(), 1u);
+  EXPECT_EQ(unsolved->facts.rig_toml, "# the rig\n");
+}
+
+TEST_F(SessionKeeperTest, AnInterruptedSessionWaitsForTheCamerasToWork) {
+  ASSERT_EQ(begin(), std::nullopt);
+  find_flight();
+  restart();
+  session_.trouble();
+  EXPECT_FALSE(keeper_->resume(names_, "2026-01-31T12:00:00Z"));
+  EXPECT_EQ(store_->open_session(), std::nullopt);
+  session_.mended();
+  EXPECT_TRUE(keeper_->resume(names_, "2026-01-31T12:00:00Z"));
 }
 
 TEST_F(SessionKeeperTest, WhatWasThrownAwayStaysSoThoughTheDiskWasFull) {
@@ -111,7 +150,7 @@ TEST_F(SessionKeeperTest, WhatWasThrownAwayStaysSoThoughTheDiskWasFull) {
   EXPECT_EQ(state_of(id), "aborted");
   restart();
   EXPECT_EQ(state_of(id), "aborted");
-  EXPECT_EQ(keeper_->resume(names_, "2026-01-31T12:00:00Z"), std::nullopt);
+  EXPECT_FALSE(keeper_->resume(names_, "2026-01-31T12:00:00Z"));
 }
 
 TEST_F(SessionKeeperTest, TheNextSessionBeginsWithNothingOfTheOneThrownAway) {

@@ -158,6 +158,27 @@ TEST_F(StoreTest, AnInterruptedSessionComesBackWithAllItsFlights) {
   EXPECT_FALSE(Store(folder_).resume({"north", "east"}));
 }
 
+TEST_F(StoreTest, AnInterruptedSessionWhoseFlightsCannotBeReadIsToldAndLeftAlone) {
+  {
+    Store store(folder_);
+    store.start_session(facts());
+    store.add_flights({flight()});
+  }
+  Database(file("000001.throwcal"), Database::Mode::write).execute("DELETE FROM sighting");
+  Store store(folder_);
+  EXPECT_NE(error_of([&] {
+              store.resume({"north", "east"});
+            }).find("has no sightings"),
+            std::string::npos);
+  EXPECT_EQ(store.open_session(), std::nullopt);
+  EXPECT_FALSE(store.resume({"north", "east"}));
+  EXPECT_TRUE(store.session(1)->contains("problem"));
+  EXPECT_NE(error_of([&] { (void)store.file_of(1); }).find("has no sightings"), std::string::npos);
+  EXPECT_EQ(store.start_session(facts()), 2);
+  store.delete_session(1);
+  EXPECT_EQ(store.session_list().size(), 1u);
+}
+
 TEST_F(StoreTest, AnInterruptedSessionOfOtherCamerasIsLeftAlone) {
   { Store(folder_).start_session(facts()); }
   Store store(folder_);
@@ -294,6 +315,15 @@ TEST_F(StoreTest, ASecondDaemonIsToldThatItIsTheSecond) {
   const Store first(folder_);
   EXPECT_EQ(error_of([&] { Store second(folder_); }),
             folder_.string() + ": another throwcald is using it");
+}
+
+TEST_F(StoreTest, ANoteThatCannotBeReadIsToldUntilItCan) {
+  std::filesystem::create_directories(folder_ / "last-session");
+  Store store(folder_);
+  EXPECT_NE(error_of([&] { store.ready(); }), "no error");
+  std::filesystem::remove(folder_ / "last-session");
+  store.ready();
+  EXPECT_EQ(store.start_session(facts()), 1);
 }
 
 TEST_F(StoreTest, AFolderThatCannotBeIsToldUntilItCan) {
