@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <limits>
+
 #include "firmware/base64.h"
 #include "firmware/daemon.h"
 #include "firmware/text_file.h"
@@ -20,7 +23,10 @@ std::int64_t required_number(const Json& params, const char* name, const char* w
   if (!params.contains(name) || !params.at(name).is_number_integer())
     throw RpcError(rpc_invalid_params,
                    std::string(name) + " must be a whole number, as " + where_from + " tells it");
-  return params.at(name).get<std::int64_t>();
+  const Json& number = params.at(name);
+  constexpr auto most = std::numeric_limits<std::int64_t>::max();
+  const bool is_beyond = number.is_number_unsigned() && number.get<std::uint64_t>() > most;
+  return is_beyond ? most : number.get<std::int64_t>();  // which is no id and no offset
 }
 
 std::int64_t required_id(const Json& params) {
@@ -53,6 +59,12 @@ Json read_part(const Store& store, const Json& params) {
   if (!file)
     throw RpcError(rpc_refused, "session " + std::to_string(session) +
                                     " is not there, or is under way: stop it first");
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(*file, error);
+  if (!error && (offset < 0 || static_cast<std::uintmax_t>(offset) > bytes))
+    throw RpcError(rpc_invalid_params, "offset must be 0 to " + std::to_string(bytes) +
+                                           ", which is session " + std::to_string(session) +
+                                           "'s whole file in bytes");
   const auto part = read_file_part(*file, offset, part_bytes);
   return {{"session", session},
           {"bytes", part.file_bytes},

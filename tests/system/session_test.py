@@ -71,6 +71,21 @@ def it_is_listed_and_shown(the_box, session: int) -> None:
     assert "is not there" in command(the_box, "export", str(session + 1), "--output", "nowhere", status=1)
 
 
+def a_part_beyond_its_file_is_refused(the_box, session: int) -> None:
+    with box.Client(the_box.port) as client:
+        client.line()
+        size = client.call("session.read", {"session": session})["bytes"]
+        assert client.call("session.read", {"session": session, "offset": size})["data"] == ""
+        for offset in (-1, size + 1, 2**63 - 1, 2**63, 2**64 - 1, -(2**63)):
+            error = client.answer("session.read", {"session": session, "offset": offset})["error"]
+            assert error["code"] == -32602 and error["message"].startswith(f"offset must be 0 to {size}, "), (offset, error)
+        for offset in ("0", 1.5, None, [0], 2**65, True):
+            error = client.answer("session.read", {"session": session, "offset": offset})["error"]
+            assert error["code"] == -32602 and error["message"].startswith("offset must be a whole number"), (offset, error)
+        for number in (0, -1, 2**63, 2**64 - 1):
+            assert client.answer("session.read", {"session": number})["error"]["code"] == -32000, number
+
+
 def it_is_unpacked(the_box, folder) -> None:
     file, out = folder / "fetched.throwcal", folder / "unpacked"
     command(the_box, "export", str(file), "--unpack", "--output", str(out))
@@ -129,6 +144,7 @@ def story(build, folder) -> None:
         session = a_session_ends_itself_at_the_target(the_box)
         it_is_listed_and_shown(the_box, session)
         it_is_repeated_bit_for_bit(the_box, session, folder)
+        a_part_beyond_its_file_is_refused(the_box, session)
         it_is_unpacked(the_box, folder)
         a_damaged_session_is_one_error(the_box, folder)
         one_is_thrown_away(the_box)
