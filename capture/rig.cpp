@@ -52,7 +52,6 @@ class Station {
     return crops_.find(sighting);
   }
   std::optional<FrameLease> newest() { return grabber_.newest(); }
-  std::vector<FrameLease> freeze(HostTime since) { return grabber_.freeze(since); }
   void join() {
     if (detecting_.joinable()) detecting_.join();
     grabber_.join();
@@ -145,10 +144,6 @@ void Rig::stop() {
   impl_->queue.close();
   for (auto& station : impl_->stations) station->request_stop();
   for (auto& station : impl_->stations) station->join();
-}
-
-std::vector<FrameLease> Rig::freeze(CameraId camera, HostTime since) {
-  return impl_->stations.at(camera)->freeze(since);
 }
 
 std::optional<FrameLease> Rig::newest(CameraId camera) {

@@ -50,10 +50,7 @@ class Rig {
   /// Nothing when `stop` is requested, or when every camera has ended and all has been handed out.
   std::optional<FrameSightings> next(std::stop_token stop);
   void stop();
-  /// The frames of a camera since then that its ring still has, oldest first, by reference: holding
-  /// them takes their slots from the ring. Thread-safe.
-  std::vector<FrameLease> freeze(CameraId camera, HostTime since);
-  /// A camera's newest frame, likewise.
+  /// A camera's newest frame, by reference: holding it takes its slot from the ring. Thread-safe.
   std::optional<FrameLease> newest(CameraId camera);
   /// What a sighting looked like; nothing where that is gone. Thread-safe.
   std::optional<PictureCrop> crop_of(const BallSighting& sighting) const;

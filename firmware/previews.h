@@ -16,10 +16,12 @@ class Previews {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds period{200};
+  /// So long a picture may stay that is followed only by frames that no detector has seen yet.
+  static constexpr std::chrono::milliseconds patience{1000};
 
   explicit Previews(Rig& rig) : rig_(rig), shown_(rig.stats().size()) {}
 
-  /// Null where the camera has not delivered a frame yet, or its last one is gone from the ring.
+  /// Null where the camera has not delivered a frame yet.
   std::shared_ptr<const Preview> newest(CameraId camera, Clock::time_point now);
 
  private:
