@@ -107,7 +107,8 @@ void Daemon::open_http() {
   };
   http_.emplace(loop_, *config_.http.listen, rpc_,
                 HttpSources{names, preview, [this] { return metrics(); },
-                            [this] { return support_bundle(rpc_, config_, metrics()); }});
+                            [this] { return support_bundle(rpc_, config_, metrics()); },
+                            [this](std::int64_t session) { return store_.file_of(session); }});
 }
 
 std::string Daemon::metrics() {

@@ -97,4 +97,10 @@ void EventLoop::run() { check(sd_event_loop(event_.get()), "sd_event_loop"); }
 
 void EventLoop::quit() { check(sd_event_exit(event_.get(), 0), "sd_event_exit"); }
 
+std::uint64_t EventLoop::turn() const {
+  std::uint64_t turn = 0;
+  check(sd_event_get_iteration(event_.get(), &turn), "sd_event_get_iteration");
+  return turn;
+}
+
 }  // namespace throwcal

@@ -43,6 +43,8 @@ class EventLoop {
   [[nodiscard]] Source on_signal(int signal, std::function<void()> call);
   void run();   ///< until quit()
   void quit();  ///< ends run()
+  /// The turn that it is in: one call of one source. Between two everybody else is heard.
+  std::uint64_t turn() const;
 
  private:
   struct Unref {

@@ -20,10 +20,10 @@ using Clock = NewestStream::Clock;
 
 constexpr std::size_t memory_bytes = 32 * 1024;  ///< of a connection: its headers, too
 constexpr int send_buffer_bytes = 64 * 1024;     ///< so that a slow reader's news is not old
-constexpr std::size_t stream_block_bytes = 16 * 1024;
+constexpr std::size_t stream_block_bytes = 16 * 1024, file_block_bytes = 64 * 1024;
 constexpr std::size_t most_thrown_away_bytes = 1024 * 1024;
-constexpr std::chrono::milliseconds calm_tick = 1s, picture_tick = 100ms, picture_again = 5s,
-                                    no_timeout = 1h;
+constexpr std::chrono::microseconds calm_tick = 1s, picture_tick = 100ms;
+constexpr std::chrono::milliseconds picture_again = 5s, no_timeout = 1h;
 
 NewestStream::Message message(std::string text) {
   return std::make_shared<const std::string>(std::move(text));
@@ -95,7 +95,10 @@ struct HttpLink::Connection {
   std::optional<NewestStream> stream{};         ///< its answer is one
   std::optional<CameraId> camera{};             ///< of the stream; nothing: the status
   std::shared_ptr<const Preview> last_shown{};  ///< of the camera
-  bool is_suspended = false;                    ///< the stream waits for something to tell
+  std::optional<HttpReply> reply{};             ///< until it is queued: there is work in it
+  std::uint64_t last_turn = 0;                  ///< when some of that was done
+  std::shared_ptr<const OutgoingFile> file{};   ///< its answer is, or will be, one
+  bool is_suspended = false;  ///< the stream waits for something to tell, or there is work to do
 
   /// Without a listening socket of its own, libmicrohttpd's descriptor does not tell of this.
   void wake() {
@@ -145,10 +148,7 @@ struct HttpLink::Callbacks {
       if (announces_too_much(handle)) link.queue(connection, too_large());
       return MHD_YES;
     }
-    if (*size == 0) {
-      link.queue(connection, link.answer(connection));
-      return MHD_YES;
-    }
+    if (*size == 0) return link.conclude(connection) ? MHD_YES : MHD_NO;
     connection.body_bytes += *size;
     if (connection.body_bytes <= HttpRoutes::most_body_bytes)
       connection.request.body.append(piece, *size);
@@ -164,7 +164,15 @@ struct HttpLink::Callbacks {
     connection.stream.reset();
     connection.camera.reset();
     connection.last_shown.reset();
+    connection.reply.reset();
+    connection.file.reset();
     connection.since = Clock::now();
+  }
+
+  /// A file that was written to meanwhile ends before its end: nobody takes that for the whole.
+  static ssize_t read_file(void* context, std::uint64_t offset, char* out, std::size_t most) {
+    const auto count = static_cast<Connection*>(context)->file->read(offset, {out, most});
+    return count ? static_cast<ssize_t>(*count) : MHD_CONTENT_READER_END_WITH_ERROR;
   }
 
   static ssize_t read(void* context, std::uint64_t, char* out, std::size_t most) {
@@ -203,6 +211,7 @@ HttpLink::HttpLink(EventLoop& loop, const ListenAddress& address, JsonRpc& rpc, 
   io_ = loop.on_io(info->epoll_fd, EPOLLIN, [this](std::uint32_t) { run(); });
   timeout_ = loop.on_timer(no_timeout, [this] { run(); });
   ticker_ = loop.on_timer(calm_tick, [this] { tick(); });
+  worker_ = loop.on_timer(no_timeout, [this] { work(); });
 }
 
 /// The loop has ended: what the kernel takes at once is sent, and nobody waited for.
@@ -218,15 +227,15 @@ std::size_t HttpLink::connections() const {
 }
 
 std::size_t HttpLink::streams() const {
-  return static_cast<std::size_t>(std::ranges::count_if(
-      connections_, [](const Connection& c) { return c.stream.has_value(); }));
+  return static_cast<std::size_t>(
+      std::ranges::count_if(connections_, [](const Connection& c) { return c.stream || c.file; }));
 }
 
 /// libmicrohttpd does not look at a stream that waits, and overlooks who closes right behind half a
 /// request (it watches for edges): their places would stay taken.
 void HttpLink::drop_who_left() {
   for (Connection& connection : connections_) {
-    const bool may_go = connection.is_suspended || !connection.is_begun;
+    const bool may_go = (connection.is_suspended && !connection.reply) || !connection.is_begun;
     if (!may_go || !has_left(connection.fd)) continue;
     connection.wake();
     shutdown(connection.fd, SHUT_RDWR);  // an edge
@@ -260,21 +269,57 @@ HttpReply HttpLink::answer(Connection& connection) {
   if (connection.is_refused)
     return too_many(std::to_string(settings_.max_connections) + " connections");
   if (connection.body_bytes > HttpRoutes::most_body_bytes) return too_large();
-  HttpReply reply = routes_.reply(connection.request);
-  if (reply.stream && streams() >= settings_.max_streams)
-    return too_many(std::to_string(settings_.max_streams) + " streams");
-  return reply;
+  return routes_.reply(connection.request);
+}
+
+/// The answer is queued, or waits until the work in it is done. False: there is none, the end came
+/// first.
+bool HttpLink::conclude(Connection& connection) {
+  if (!connection.reply) connection.reply = answer(connection);
+  HttpReply& reply = *connection.reply;
+  const bool needs_place = reply.stream || (reply.file && !connection.file);
+  if (needs_place && streams() >= settings_.max_streams)
+    reply = too_many(std::to_string(settings_.max_streams) + " streams and files");
+  connection.file = reply.file;
+  if (!reply.work) {
+    queue(connection, *std::exchange(connection.reply, std::nullopt));
+    return true;
+  }
+  if (is_ending_) return false;
+  connection.is_suspended = true;
+  MHD_suspend_connection(connection.handle);
+  worker_.after(0ms);
+  return true;
+}
+
+/// A little, for whoever has waited longest; then everything else has its turn.
+void HttpLink::work() {
+  Connection* next = nullptr;
+  for (Connection& connection : connections_)
+    if (connection.is_suspended && connection.reply &&
+        (!next || connection.last_turn < next->last_turn))
+      next = &connection;
+  if (!next) return;
+  next->last_turn = ++turns_;
+  next->reply = routes_.further(*next->reply);
+  if (!next->reply->work) next->wake();
+  worker_.after(0ms);
+}
+
+MHD_Response* HttpLink::begin_response(Connection& connection, const HttpReply& reply) {
+  if (reply.file)
+    return MHD_create_response_from_callback(reply.file->bytes(), file_block_bytes,
+                                             &Callbacks::read_file, &connection, nullptr);
+  if (!reply.stream || connection.request.method == "HEAD")
+    return MHD_create_response_from_buffer(
+        reply.body->size(), const_cast<char*>(reply.body->data()), MHD_RESPMEM_MUST_COPY);
+  begin_stream(connection, *reply.stream);
+  return MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block_bytes, &Callbacks::read,
+                                           &connection, nullptr);
 }
 
 void HttpLink::queue(Connection& connection, const HttpReply& reply) {
-  const bool is_stream = reply.stream && connection.request.method != "HEAD";
-  if (is_stream) begin_stream(connection, *reply.stream);
-  MHD_Response* response =
-      is_stream
-          ? MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block_bytes,
-                                              &Callbacks::read, &connection, nullptr)
-          : MHD_create_response_from_buffer(
-                reply.body->size(), const_cast<char*>(reply.body->data()), MHD_RESPMEM_MUST_COPY);
+  MHD_Response* response = begin_response(connection, reply);
   if (!response) return;  // no memory: without an answer the connection is closed
   if (reply.status != http_not_modified)
     MHD_add_response_header(response, "Content-Type", reply.content_type.c_str());
@@ -307,21 +352,39 @@ void HttpLink::publish_status(const JsonRpc::Json& status) {
   }
 }
 
+/// One that sends or reads a byte now and then is not idle.
+bool HttpLink::takes_too_long(const Connection& connection, Clock::time_point now) const {
+  if (connection.stream) return false;
+  const std::uint64_t bytes = connection.file ? connection.file->bytes() : 0;
+  return now - connection.since >
+         settings_.request + std::chrono::seconds(bytes / settings_.slowest_bytes_per_s);
+}
+
 void HttpLink::tick() {
   drop_who_left();
   const auto now = Clock::now();
+  std::set<CameraId> looked_at;
   for (Connection& connection : connections_) {
-    if (!connection.stream && now - connection.since > settings_.request)
+    if (takes_too_long(connection, now))
       shutdown(connection.fd, SHUT_RDWR);  // libmicrohttpd closes it then
-    if (connection.stream && connection.camera && connection.stream->is_empty())
-      show_camera(connection, now);
+    if (connection.stream && connection.camera) looked_at.insert(*connection.camera);
     if (connection.stream && !connection.camera && connection.stream->is_empty() &&
         now - connection.stream->offered_at() > settings_.heartbeat)
       offer(connection, message(": heartbeat\n\n"));
   }
-  const bool somebody_looks =
-      std::ranges::any_of(connections_, [](const Connection& c) { return c.camera.has_value(); });
-  ticker_.after(somebody_looks ? picture_tick : calm_tick);
+  if (looked_at.empty()) return ticker_.after(calm_tick);
+  show_next(looked_at, now);
+  ticker_.after(picture_tick / looked_at.size());
+}
+
+/// To those who look at one camera: so at most one picture is made in one turn of the loop.
+void HttpLink::show_next(const std::set<CameraId>& looked_at, Clock::time_point now) {
+  auto camera = looked_at.upper_bound(last_shown_);
+  if (camera == looked_at.end()) camera = looked_at.begin();
+  last_shown_ = *camera;
+  for (Connection& connection : connections_)
+    if (connection.stream && connection.camera == *camera && connection.stream->is_empty())
+      show_camera(connection, now);
 }
 
 /// A picture that it has not had yet; the last one again where none comes, or nobody would notice

@@ -3,6 +3,7 @@
 #include <functional>
 #include <list>
 #include <memory>
+#include <set>
 
 #include "firmware/event_loop.h"
 #include "firmware/http_routes.h"
@@ -12,14 +13,16 @@
 
 struct MHD_Daemon;
 struct MHD_Connection;
+struct MHD_Response;
 
 namespace throwcal {
 
 struct HttpLinkSettings {
   std::size_t max_connections = 16;
-  std::size_t max_streams = 12;        ///< of them: so that a question is still answered
-  std::chrono::seconds idle{15};       ///< a connection on which nothing moves is closed
-  std::chrono::seconds request{60};    ///< so long may a request and its answer take together
+  std::size_t max_streams = 12;      ///< of them, files too: so that a question is still answered
+  std::chrono::seconds idle{15};     ///< a connection on which nothing moves is closed
+  std::chrono::seconds request{60};  ///< so long may a request and its answer take together
+  std::uint64_t slowest_bytes_per_s = 16 * 1024;  ///< so much longer may a file take
   std::chrono::seconds heartbeat{10};  ///< in a stream of events that has nothing to tell
 };
 
@@ -46,10 +49,15 @@ class HttpLink {
   void run();
   void tick();
   HttpReply answer(Connection& connection);
+  bool conclude(Connection& connection);
+  void work();
   void queue(Connection& connection, const HttpReply& reply);
+  MHD_Response* begin_response(Connection& connection, const HttpReply& reply);
   void begin_stream(Connection& connection, const HttpStream& stream);
   void offer(Connection& connection, NewestStream::Message message);
+  void show_next(const std::set<CameraId>& looked_at, NewestStream::Clock::time_point now);
   void show_camera(Connection& connection, NewestStream::Clock::time_point now);
+  bool takes_too_long(const Connection& connection, NewestStream::Clock::time_point now) const;
   std::size_t streams() const;
 
   JsonRpc& rpc_;
@@ -59,8 +67,10 @@ class HttpLink {
   LogOnce once_;
   std::list<Connection> connections_;
   bool is_ending_ = false;
+  std::uint64_t turns_ = 0;  ///< of those for whom work is done
+  CameraId last_shown_ = 0;  ///< the camera whose streams had the last turn
   std::unique_ptr<MHD_Daemon, void (*)(MHD_Daemon*)> daemon_;
-  EventLoop::Source io_, timeout_, ticker_;
+  EventLoop::Source io_, timeout_, ticker_, worker_;
   ListenSocket listener_;
 };
 

@@ -5,7 +5,6 @@
 
 #include "firmware/base64.h"
 #include "firmware/http_request.h"
-#include "firmware/sha256.h"
 
 namespace throwcal {
 
@@ -43,9 +42,10 @@ HttpStatus status_of(int rpc_code) {
   }
 }
 
-void add_digest(HttpReply& reply) {
-  const auto digest = sha256(*reply.body);
-  const std::string hex = sha256_hex(*reply.body);
+void add_digest(HttpReply& reply) { add_digest(reply, sha256(*reply.body)); }
+
+void add_digest(HttpReply& reply, const Sha256Digest& digest) {
+  const std::string hex = to_hex(digest);
   const std::string_view bytes(reinterpret_cast<const char*>(digest.data()), digest.size());
   reply.headers.emplace_back("ETag", "\"" + hex + "\"");
   reply.headers.emplace_back("X-Content-SHA256", hex);
@@ -59,6 +59,7 @@ HttpReply unless_known(HttpReply reply, const std::optional<std::string>& if_non
     return reply;
   reply.status = http_not_modified;
   reply.body = std::make_shared<const std::string>();
+  reply.file = nullptr;
   return reply;
 }
 

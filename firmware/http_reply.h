@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 
 #include "estimator/observation.h"
 #include "firmware/json_rpc.h"
+#include "firmware/outgoing_file.h"
 
 namespace throwcal {
 
@@ -38,7 +40,10 @@ struct HttpReply {
   std::string content_type{};
   std::shared_ptr<const std::string> body = std::make_shared<const std::string>();
   std::vector<std::pair<std::string, std::string>> headers{};
-  std::optional<HttpStream> stream{};  ///< then in place of `body`
+  std::optional<HttpStream> stream{};          ///< then in place of `body`
+  std::shared_ptr<const OutgoingFile> file{};  ///< likewise
+  /// Not empty: this is no answer yet; it gives the answer, or one that is a little nearer to it.
+  std::function<HttpReply()> work{};
 };
 
 HttpReply text_reply(std::string text, HttpStatus status = http_ok);
@@ -51,6 +56,7 @@ HttpStatus status_of(int rpc_code);
 /// Adds what lets a client check and keep the body: ETag (strong, its SHA-256), X-Content-SHA256
 /// and Repr-Digest (RFC 9530).
 void add_digest(HttpReply& reply);
+void add_digest(HttpReply& reply, const Sha256Digest& digest);
 /// The same answer without a body, 304, where the client has it already.
 HttpReply unless_known(HttpReply reply, const std::optional<std::string>& if_none_match);
 

@@ -25,6 +25,8 @@ constexpr const char* page_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+const std::vector<std::string> reads{"GET", "HEAD"}, posts{"POST"}, removes{"DELETE"};
+
 std::string content_type_of(std::string_view file) {
   if (file.ends_with(".html")) return "text/html; charset=utf-8";
   if (file.ends_with(".js")) return "text/javascript; charset=utf-8";
@@ -38,6 +40,14 @@ Json id_in(const std::string& text) {
   return error == std::errc{} && end == text.data() + text.size() ? Json(id) : Json(text);
 }
 
+/// Gives params a value that stands elsewhere, too: `where`.
+void set(Json& params, const char* name, const Json& value, const std::string& where) {
+  if (params.contains(name) && params.at(name) != value)
+    throw HttpError(http_bad_request, rpc_invalid_params,
+                    "the body's " + std::string(name) + " is another one than the " + where);
+  params[name] = value;
+}
+
 /// What a request brings: its body, an object or nothing, with the Idempotency-Key as `key`.
 Json params_of(const HttpRequest& request) {
   Json params = Json::object();
@@ -45,11 +55,8 @@ Json params_of(const HttpRequest& request) {
   if (!params.is_object())
     throw HttpError(http_bad_request, rpc_parse_error,
                     "the body must be a JSON object, or there must be none");
-  if (!request.headers.idempotency_key) return params;
-  if (params.contains("key") && params.at("key") != *request.headers.idempotency_key)
-    throw HttpError(http_bad_request, rpc_invalid_params,
-                    "the body's key is another one than the header's (Idempotency-Key)");
-  params["key"] = *request.headers.idempotency_key;
+  if (request.headers.idempotency_key)
+    set(params, "key", *request.headers.idempotency_key, "header's (Idempotency-Key)");
   return params;
 }
 
@@ -72,12 +79,18 @@ std::string taken_by(const std::vector<std::string>& pattern,
   return star == pattern.end() ? "" : path[static_cast<std::size_t>(star - pattern.begin())];
 }
 
-HttpReply method_not_allowed(bool is_change) {
-  const std::string allowed = is_change ? "POST" : "GET, HEAD";
+HttpReply method_not_allowed(const std::string& allowed) {
   HttpReply reply =
       error_reply(http_method_not_allowed, rpc_invalid_request, "this is for " + allowed + " only");
   reply.headers.emplace_back("Allow", allowed);
   return reply;
+}
+
+/// A session's file whose last writes lie in SQLite's log beside it is not whole.
+bool has_log(const std::filesystem::path& file) {
+  std::error_code none;
+  return std::filesystem::exists(file.string() + "-wal", none) ||
+         std::filesystem::exists(file.string() + "-journal", none);
 }
 
 }  // namespace
@@ -88,66 +101,82 @@ std::vector<HttpRoutes::Route> HttpRoutes::routes() {
   const auto shows = [this](const char* method) {
     return [this, method](const Request&, const Text&) { return document(method); };
   };
+  const auto keeps = [this](const char* method) {
+    return [this, method](const Request& r, const Text&) { return kept_document(r, method); };
+  };
   const auto changes = [this](const char* method) {
-    return [this, method](const Request& r, const Text&) { return change(r, method); };
+    return
+        [this, method](const Request& r, const Text&) { return change(r, method, params_of(r)); };
   };
   const auto file = [this](const char* name) {
     return [this, name](const Request& r, const Text&) { return page(r, name); };
   };
   std::vector<Route> all{
-      {{"api", "v1", "status"}, false, shows("status.get")},
-      {{"api", "v1", "cameras"}, false, shows("camera.list")},
-      {{"api", "v1", "system"}, false, shows("system.info")},
-      {{"api", "v1", "calibration"},
-       false,
-       [this](const Request& r, const Text&) { return calibration(r, "calibration.list"); }},
-      {{"api", "v1", "calibration", "latest"},
-       false,
-       [this](const Request& r, const Text&) { return calibration(r, "calibration.latest"); }},
+      {{"api", "v1", "status"}, reads, shows("status.get")},
+      {{"api", "v1", "cameras"}, reads, shows("camera.list")},
+      {{"api", "v1", "system"}, reads, shows("system.info")},
+      {{"api", "v1", "calibration"}, reads, keeps("calibration.list")},
+      {{"api", "v1", "calibration", "latest"}, reads, keeps("calibration.latest")},
       {{"api", "v1", "calibration", "*"},
-       false,
-       [this](const Request& r, const Text& id) { return calibration_of(r, id); }},
-      {{"api", "v1", "capture", "start"}, true, changes("capture.start")},
-      {{"api", "v1", "capture", "stop"}, true, changes("capture.stop")},
-      {{"api", "v1", "capture", "abort"}, true, changes("capture.abort")},
+       reads,
+       [this](const Request& r, const Text& id) {
+         return document_of(r, "calibration.get", {{"id", id_in(id)}});
+       }},
+      {{"api", "v1", "sessions"}, reads, keeps("session.list")},
+      {{"api", "v1", "sessions", "*"},
+       reads,
+       [this](const Request& r, const Text& id) {
+         return document_of(r, "session.get", {{"session", id_in(id)}});
+       }},
+      {{"api", "v1", "sessions", "*"},
+       removes,
+       [this](const Request& r, const Text& id) { return delete_session(r, id); }},
+      {{"api", "v1", "sessions", "*", "file"},
+       reads,
+       [this](const Request& r, const Text& id) { return session_file(r, id); }},
+      {{"api", "v1", "capture", "start"}, posts, changes("capture.start")},
+      {{"api", "v1", "capture", "stop"}, posts, changes("capture.stop")},
+      {{"api", "v1", "capture", "abort"}, posts, changes("capture.abort")},
       {{"api", "v1", "events"},
-       false,
+       reads,
        [](const Request&, const Text&) {
          return HttpReply{.content_type = "text/event-stream", .stream = HttpStream{}};
        }},
       {{"api", "v1", "cameras", "*", "preview.jpg"},
-       false,
-       [this](const Request&, const Text& name) { return picture(name); }},
-      {{"api", "v1", "cameras", "*", "preview.mjpeg"},
-       false,
-       [this](const Request&, const Text& name) { return pictures(name); }},
-      {{"api", "v1", "support"},
-       false,
-       [this](const Request&, const Text&) {
-         HttpReply reply = text_reply(sources_.support_bundle());
-         reply.content_type = "application/x-tar";
-         reply.headers.emplace_back("Content-Disposition",
-                                    "attachment; filename=\"throwcal-support.tar\"");
-         return reply;
+       reads,
+       [this](const Request&, const Text& name) {
+         return HttpReply{.work = [this, name] { return picture(name); }};
        }},
+      {{"api", "v1", "cameras", "*", "preview.mjpeg"},
+       reads,
+       [this](const Request&, const Text& name) {
+         return HttpReply{.work = [this, name] { return pictures(name); }};
+       }},
+      {{"api", "v1", "support"}, reads, [this](const Request&, const Text&) { return support(); }},
       {{"metrics"},
-       false,
+       reads,
        [this](const Request&, const Text&) {
          HttpReply reply = text_reply(sources_.metrics());
          reply.content_type = "text/plain; version=0.0.4; charset=utf-8";
          return reply;
        }},
-      {{"healthz"}, false, [this](const Request&, const Text&) { return health(); }},
-      {{}, false, file("index.html")}};
+      {{"healthz"}, reads, [this](const Request&, const Text&) { return health(); }},
+      {{}, reads, file("index.html")}};
   for (const PageFile& one : page_files())
-    all.push_back({{std::string(one.name)}, false, file(one.name.data())});
+    all.push_back({{std::string(one.name)}, reads, file(one.name.data())});
   return all;
 }
 
 HttpReply HttpRoutes::reply(const HttpRequest& request) {
+  return guarded([&] { return routed(request); });
+}
+
+HttpReply HttpRoutes::further(const HttpReply& reply) { return guarded(reply.work); }
+
+HttpReply HttpRoutes::guarded(const std::function<HttpReply()>& make) {
   HttpReply reply;
   try {
-    reply = routed(request);
+    reply = make();
   } catch (const HttpError& error) {
     reply = error_reply(error.status, error.code, error.what());
   } catch (const RpcError& refusal) {
@@ -155,6 +184,7 @@ HttpReply HttpRoutes::reply(const HttpRequest& request) {
   } catch (const std::exception& fault) {
     reply = error_reply(http_internal_error, rpc_internal_error, fault.what());
   }
+  if (reply.work) return reply;
   if (reply.status == http_unauthorized)
     reply.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"throwcal\"");
   reply.headers.emplace_back("X-Content-Type-Options", "nosniff");
@@ -169,14 +199,18 @@ HttpReply HttpRoutes::routed(const HttpRequest& request) {
   if (!path)
     throw HttpError(http_bad_request, rpc_invalid_request,
                     "the request's target must be a path like /api/v1/status");
-  const auto route =
+  const auto first =
       std::ranges::find_if(routes_, [&](const Route& one) { return has_form(one.pattern, *path); });
-  if (route == routes_.end())
+  if (first == routes_.end())
     throw HttpError(http_not_found, rpc_method_not_found,
                     "there is no such page; the README lists them");
-  const bool reads = request.method == "GET" || request.method == "HEAD";
-  if (route->changes ? request.method != "POST" : !reads) return method_not_allowed(route->changes);
-  return route->answer(request, taken_by(route->pattern, *path));
+  std::string allowed;
+  for (auto route = first; route != routes_.end() && route->pattern == first->pattern; ++route)
+    for (const std::string& method : route->methods) {
+      if (method == request.method) return route->answer(request, taken_by(route->pattern, *path));
+      allowed += (allowed.empty() ? "" : ", ") + method;
+    }
+  return method_not_allowed(allowed);
 }
 
 HttpReply HttpRoutes::document(const std::string& method, const Json& params) {
@@ -184,26 +218,27 @@ HttpReply HttpRoutes::document(const std::string& method, const Json& params) {
   return json_reply(rpc_.call(method, params, nobody));
 }
 
-HttpReply HttpRoutes::calibration(const HttpRequest& request, const std::string& method,
-                                  const Json& params) {
+HttpReply HttpRoutes::kept_document(const HttpRequest& request, const std::string& method,
+                                    const Json& params) {
   HttpReply reply = document(method, params);
   add_digest(reply);
   return unless_known(std::move(reply), request.headers.if_none_match);
 }
 
 /// What JSON-RPC refuses is, by name, not found.
-HttpReply HttpRoutes::calibration_of(const HttpRequest& request, const std::string& id) {
+HttpReply HttpRoutes::document_of(const HttpRequest& request, const std::string& method,
+                                  const Json& params) {
   try {
-    return calibration(request, "calibration.get", {{"id", id_in(id)}});
+    return kept_document(request, method, params);
   } catch (const RpcError& refusal) {
     if (refusal.code != rpc_refused) throw;
     throw HttpError(http_not_found, refusal.code, refusal.what());
   }
 }
 
-HttpReply HttpRoutes::change(const HttpRequest& request, const std::string& method) {
+HttpReply HttpRoutes::change(const HttpRequest& request, const std::string& method,
+                             const Json& params) {
   refuse_foreign_page(request.headers);
-  const Json params = params_of(request);
   JsonRpc::Caller caller;
   if (request.headers.authorization) {
     const auto token = bearer_token(*request.headers.authorization);
@@ -213,6 +248,54 @@ HttpReply HttpRoutes::change(const HttpRequest& request, const std::string& meth
     rpc_.call("auth", {{"token", *token}}, caller);
   }
   return json_reply(rpc_.call(method, params, caller));
+}
+
+HttpReply HttpRoutes::session_file(const HttpRequest& request, const std::string& id) {
+  document_of({}, "session.get", {{"session", id_in(id)}});
+  const auto path = sources_.session_file(id_in(id).get<std::int64_t>());
+  if (!path) throw RpcError(rpc_refused, "session " + id + " is under way: stop it first");
+  if (has_log(*path))
+    throw RpcError(rpc_refused, "session " + id +
+                                    "'s file is not whole, its last writes lie in a log beside "
+                                    "it; they are taken in when the box starts");
+  HttpReply reply{.content_type = "application/vnd.sqlite3"};
+  reply.headers.emplace_back("Content-Disposition",
+                             "attachment; filename=\"" + path->filename().string() + "\"");
+  reply.file = std::make_shared<const OutgoingFile>(*path);
+  FileDigests::Search search(reply.file);
+  return digested(std::move(reply), std::move(search), request.headers.if_none_match);
+}
+
+HttpReply HttpRoutes::digested(HttpReply reply, FileDigests::Search search,
+                               const std::optional<std::string>& if_none_match) {
+  const auto digest = digests_.look_further(search);
+  if (digest) {
+    add_digest(reply, *digest);
+    return unless_known(std::move(reply), if_none_match);
+  }
+  HttpReply later{.file = reply.file};
+  later.work = [=, this] { return digested(reply, search, if_none_match); };
+  return later;
+}
+
+/// What is refused is under way, or is not there.
+HttpReply HttpRoutes::delete_session(const HttpRequest& request, const std::string& id) {
+  Json params = params_of(request);
+  set(params, "session", id_in(id), "path's");
+  try {
+    return change(request, "session.delete", params);
+  } catch (const RpcError& refusal) {
+    if (refusal.code == rpc_refused) document_of({}, "session.get", {{"session", id_in(id)}});
+    throw;
+  }
+}
+
+HttpReply HttpRoutes::support() {
+  HttpReply reply = text_reply(sources_.support_bundle());
+  reply.content_type = "application/x-tar";
+  reply.headers.emplace_back("Content-Disposition",
+                             "attachment; filename=\"throwcal-support.tar\"");
+  return reply;
 }
 
 Json HttpRoutes::status() {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -18,6 +19,8 @@ struct HttpSources {
   /// A camera's newest picture; null where there is none.
   std::function<std::shared_ptr<const Preview>(CameraId)> preview;
   std::function<std::string()> metrics, support_bundle;
+  /// Of a session that is over; nothing of others.
+  std::function<std::optional<std::filesystem::path>(std::int64_t session)> session_file;
 };
 
 /// Which request gets which answer. The documents are those of JSON-RPC, by its call(): what may be
@@ -26,27 +29,38 @@ class HttpRoutes {
  public:
   HttpRoutes(JsonRpc& rpc, HttpSources sources) : rpc_(rpc), sources_(std::move(sources)) {}
 
-  /// Never throws; every fault has its status.
+  /// Never throws; every fault has its status. What takes long is left as the reply's `work`.
   HttpReply reply(const HttpRequest& request);
+  /// Does some of that work; likewise.
+  HttpReply further(const HttpReply& reply);
 
   static constexpr std::size_t most_body_bytes = 64 * 1024;
 
  private:
   using Segments = std::vector<std::string>;
+  using Answer = std::function<HttpReply(const HttpRequest&, const std::string& taken)>;
   /// A pattern's segment "*" takes any; what it took is `taken`.
   struct Route {
     Segments pattern;
-    bool changes = false;  ///< POST; else GET and HEAD
-    std::function<HttpReply(const HttpRequest&, const std::string& taken)> answer;
+    std::vector<std::string> methods;
+    Answer answer;
   };
 
   std::vector<Route> routes();
+  HttpReply guarded(const std::function<HttpReply()>& make);
   HttpReply routed(const HttpRequest& request);
   HttpReply document(const std::string& method, const JsonRpc::Json& params = {});
-  HttpReply calibration(const HttpRequest& request, const std::string& method,
-                        const JsonRpc::Json& params = {});
-  HttpReply calibration_of(const HttpRequest& request, const std::string& id);
-  HttpReply change(const HttpRequest& request, const std::string& method);
+  HttpReply kept_document(const HttpRequest& request, const std::string& method,
+                          const JsonRpc::Json& params = {});
+  HttpReply document_of(const HttpRequest& request, const std::string& method,
+                        const JsonRpc::Json& params);
+  HttpReply change(const HttpRequest& request, const std::string& method,
+                   const JsonRpc::Json& params);
+  HttpReply session_file(const HttpRequest& request, const std::string& id);
+  HttpReply delete_session(const HttpRequest& request, const std::string& id);
+  HttpReply digested(HttpReply reply, FileDigests::Search search,
+                     const std::optional<std::string>& if_none_match);
+  HttpReply support();
   HttpReply health();
   HttpReply picture(const std::string& camera);
   HttpReply pictures(const std::string& camera);
@@ -57,6 +71,7 @@ class HttpRoutes {
 
   JsonRpc& rpc_;
   HttpSources sources_;
+  FileDigests digests_;
   std::vector<Route> routes_ = routes();
 };
 

@@ -5,11 +5,15 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <fstream>
+#include <set>
 #include <thread>
 
 #include "firmware/input_error.h"
+#include "tests/support/temporary_folder.h"
 
 namespace throwcal {
 namespace {
@@ -38,7 +42,8 @@ struct Site {
   HttpSources sources{{"north"},
                       [](CameraId) { return std::make_shared<const Preview>(); },
                       [] { return std::string(); },
-                      [] { return std::string(); }};
+                      [] { return std::string(); },
+                      [](std::int64_t) { return std::nullopt; }};
   Site() {
     rpc.add("status.get", [](const JsonRpc::Json&, JsonRpc::Caller&) -> JsonRpc::Json {
       return {{"number", -1}};
@@ -157,6 +162,84 @@ TEST(HttpLink, ItsEndIsTheEndOfEveryStream) {
     }
   });
   EXPECT_TRUE(got.ends_with("\r\n0\r\n\r\n")) << got;  // chunked encoding's own end
+}
+
+/// Eight cameras that are looked at by eight clients, until so many pictures of each were asked
+/// for: in which turns of the loop.
+std::vector<std::vector<std::uint64_t>> turns_of_pictures(const std::string& path,
+                                                          std::size_t each) {
+  constexpr CameraId cameras = 8;
+  Site site;
+  site.rpc.add("status.get", [](const JsonRpc::Json&, JsonRpc::Caller&) -> JsonRpc::Json {
+    const JsonRpc::Json camera{{"name", ""}, {"running", true}, {"error", nullptr}};
+    return {{"cameras", std::vector<JsonRpc::Json>(cameras, camera)}};
+  });
+  site.sources.camera_names.clear();
+  for (CameraId i = 0; i < cameras; ++i)
+    site.sources.camera_names.push_back("cam" + std::to_string(i));
+  std::vector<std::vector<std::uint64_t>> turns(cameras);
+  site.sources.preview = [&](CameraId camera) {
+    turns.at(camera).push_back(site.loop.turn());
+    return std::make_shared<const Preview>(Preview{"JPEG", ""});
+  };
+  const auto link = site.link();
+  std::vector<int> clients;
+  for (const std::string& name : site.sources.camera_names) {
+    clients.push_back(connected(link->port()));
+    say(clients.back(),
+        "GET /api/v1/cameras/" + name + "/" + path + " HTTP/1.1\r\nHost: box\r\n\r\n");
+  }
+  EventLoop::Source watch;
+  watch = site.loop.on_timer(1ms, [&] {
+    const bool is_done = std::ranges::all_of(turns, [&](auto& one) { return one.size() >= each; });
+    is_done ? site.loop.quit() : watch.after(1ms);
+  });
+  site.loop.run();
+  for (const int fd : clients) close(fd);
+  return turns;
+}
+
+TEST(HttpLink, OnePictureAtMostIsMadeInATurnOfTheLoop) {
+  for (const auto& [path, each] : {std::pair("preview.jpg", 1u), std::pair("preview.mjpeg", 4u)}) {
+    std::set<std::uint64_t> different;
+    std::size_t all = 0;
+    for (const auto& turns : turns_of_pictures(path, each)) {
+      different.insert(turns.begin(), turns.end());
+      all += turns.size();
+    }
+    EXPECT_EQ(different.size(), all) << path;
+  }
+}
+
+/// What of a file comes to one who reads on only after all that may take no longer is cut off.
+std::size_t read_late(std::uint64_t slowest_bytes_per_s, std::size_t file_bytes) {
+  Site site;
+  const test::TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "000001.throwcal";
+  std::ofstream(path) << std::string(file_bytes, 'x');
+  site.rpc.add("session.get", [](const JsonRpc::Json& params, JsonRpc::Caller&) { return params; });
+  site.sources.session_file = [&](std::int64_t) { return path; };
+  const auto link = site.link({.request = 0s, .slowest_bytes_per_s = slowest_bytes_per_s});
+  const int fd = connected(link->port(), 4096), other = connected(link->port());
+  std::size_t got = 0;
+  run_beside(site, fd, [&] {
+    say(fd, "GET /api/v1/sessions/1/file HTTP/1.1\r\nHost: box\r\n\r\n");
+    std::vector<char> block(65536);
+    ssize_t count = recv(fd, block.data(), 12, MSG_WAITALL);  // "HTTP/1.1 200"
+    EXPECT_EQ(std::string(block.data(), 12), "HTTP/1.1 200");
+    say(other, "GET / HTTP/1.1\r\nHost: ");
+    EXPECT_LE(recv(other, block.data(), 1, 0), 0) << "cut off";
+    while ((count = recv(fd, block.data(), block.size(), 0)) > 0)
+      if (got += static_cast<std::size_t>(count); got > file_bytes) break;
+  });
+  close(other);
+  return got;
+}
+
+TEST(HttpLink, AFileMayTakeLongerThanAnotherAnswerButNotForEver) {
+  constexpr std::size_t bytes = 8'000'000;  // more than the kernel's buffers take
+  EXPECT_GT(read_late(1000, bytes), bytes);
+  EXPECT_LT(read_late(2 * bytes, bytes), bytes);
 }
 
 TEST(HttpLink, APortThatIsTakenIsNamed) {

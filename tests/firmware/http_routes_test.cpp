@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <fstream>
 
 #include "firmware/sha256.h"
+#include "tests/support/temporary_folder.h"
 
 namespace throwcal {
 namespace {
@@ -15,8 +17,11 @@ using Json = JsonRpc::Json;
 /// A box without anything behind it.
 class Routes : public ::testing::Test {
  protected:
+  static constexpr std::size_t content_bytes = 2 * FileDigests::piece_bytes + 1;
+
   Routes() {
     using Caller = JsonRpc::Caller;
+    std::ofstream(file) << std::string(content_bytes, 'x');
     rpc.add("auth", [](const Json& params, Caller& caller) {
       caller.knows_token = params.at("token") == "secret99";
       if (!caller.knows_token) throw RpcError(rpc_forbidden, "not the token");
@@ -29,13 +34,29 @@ class Routes : public ::testing::Test {
       if (params.at("id") != 1) throw RpcError(rpc_refused, "there is none");
       return {{"id", 1}};
     });
+    rpc.add("session.get", [](const Json& params, Caller&) -> Json {
+      if (!params.at("session").is_number_integer()) throw RpcError(rpc_invalid_params, "session!");
+      if (params.at("session") != 7 && params.at("session") != 8)
+        throw RpcError(rpc_refused, "there is none");
+      return {{"session", params.at("session")}};
+    });
+    rpc.add_change("session.delete", [this](const Json& params, Caller&) -> Json {
+      if (params.at("session") != 7) throw RpcError(rpc_refused, "not there, or under way");
+      ++deletions;
+      return {{"deleted", 7}};
+    });
     rpc.add("system.info", [](const Json&, Caller&) -> Json { throw std::runtime_error("fire"); });
     rpc.add_change("capture.start", [this](const Json&, Caller&) { return Json(++starts); });
     rpc.add_change("capture.stop",
                    [](const Json&, Caller&) -> Json { throw RpcError(rpc_refused, "not now"); });
   }
 
-  HttpReply get(const std::string& target) { return routes.reply({"GET", target}); }
+  /// With all the work that is in it done.
+  HttpReply whole(HttpReply reply) {
+    while (reply.work) reply = routes.further(reply);
+    return reply;
+  }
+  HttpReply get(const std::string& target) { return whole(routes.reply({"GET", target})); }
   HttpReply post(const std::string& target, const std::string& token = "secret99",
                  HttpHeaders headers = {}, const std::string& body = "") {
     if (!token.empty()) headers.authorization = "Bearer " + token;
@@ -50,14 +71,26 @@ class Routes : public ::testing::Test {
   Json status{{"state", "idle"},
               {"fault", nullptr},
               {"cameras", {{{"name", "north"}, {"running", true}, {"error", nullptr}}}}};
-  int starts = 0;
+  HttpReply remove(const std::string& target, HttpHeaders headers = {},
+                   const std::string& body = "") {
+    headers.authorization = "Bearer secret99";
+    return routes.reply({"DELETE", target, headers, body});
+  }
+  std::optional<std::filesystem::path> file_of(std::int64_t session) const {
+    return session == 7 ? std::optional(file) : std::nullopt;
+  }
+
+  int starts = 0, deletions = 0;
+  test::TemporaryFolder folder;
+  std::filesystem::path file = folder.path() / "000007.throwcal";
   JsonRpc rpc;
   std::shared_ptr<const Preview> preview = std::make_shared<const Preview>(Preview{"JPEG", "1,2"});
   HttpRoutes routes{rpc,
                     {{"north"},
                      [this](CameraId) { return preview; },
                      [] { return std::string("metrics"); },
-                     [] { return std::string("tar"); }}};
+                     [] { return std::string("tar"); },
+                     [this](std::int64_t session) { return file_of(session); }}};
 };
 
 TEST_F(Routes, ADocumentIsJsonRpcs) {
@@ -88,15 +121,27 @@ TEST_F(Routes, EachFaultHasItsStatus) {
       {"GET", "/api/v1/calibration/99999999999999999999", 400},
       {"GET", "/api/v1/cameras/south/preview.jpg", 404},
       {"GET", "/api/v1/cameras/south/preview.mjpeg", 404},
+      {"GET", "/api/v1/sessions/7", 200},
+      {"GET", "/api/v1/sessions/9", 404},
+      {"GET", "/api/v1/sessions/seven", 400},
+      {"GET", "/api/v1/sessions/9/file", 404},
+      {"GET", "/api/v1/sessions/seven/file", 400},
+      {"GET", "/api/v1/sessions/8/file", 409},  // under way
+      {"POST", "/api/v1/sessions/7", 405},
+      {"DELETE", "/api/v1/sessions/7/file", 405},
+      {"DELETE", "/api/v1/sessions", 405},
+      {"DELETE", "/api/v1/sessions/7", 401},
   };
   for (const auto& one : cases) {
-    const HttpReply reply = routes.reply({one.method, one.target});
+    const HttpReply reply = whole(routes.reply({one.method, one.target}));
     EXPECT_EQ(reply.status, one.status) << one.target;
     const Json body = Json::parse(*reply.body);
     EXPECT_EQ(body.contains("error"), one.status != 200) << one.target;
   }
   EXPECT_EQ(header(routes.reply({"PUT", "/api/v1/capture/stop"}), "Allow"), "POST");
   EXPECT_EQ(header(routes.reply({"PUT", "/metrics"}), "Allow"), "GET, HEAD");
+  EXPECT_EQ(header(routes.reply({"PUT", "/api/v1/sessions/7"}), "Allow"), "GET, HEAD, DELETE");
+  EXPECT_EQ(header(routes.reply({"GET, HEAD", "/metrics"}), "Allow"), "GET, HEAD");
 }
 
 TEST_F(Routes, WhatChangesSomethingNeedsTheToken) {
@@ -192,6 +237,67 @@ TEST_F(Routes, APictureIsOfACameraThatDelivers) {
     EXPECT_EQ(refused.status, http_unavailable);
     EXPECT_NE(refused.body->find("unplugged"), std::string::npos);
   }
+}
+
+TEST_F(Routes, APictureIsNotMadeAtOnce) {
+  const HttpReply reply = routes.reply({"GET", "/api/v1/cameras/north/preview.jpg"});
+  EXPECT_TRUE(reply.work);
+  EXPECT_TRUE(reply.body->empty());
+}
+
+TEST_F(Routes, ASessionsFileIsDigestedInPiecesAndHasAStrongTag) {
+  HttpRequest request{"GET", "/api/v1/sessions/7/file"};
+  HttpReply reply = routes.reply(request);
+  int pieces = 1;
+  for (; reply.work; ++pieces) reply = routes.further(reply);
+  EXPECT_EQ(pieces, 3);
+  const std::string hash = sha256_hex(std::string(content_bytes, 'x'));
+  EXPECT_EQ(reply.status, http_ok);
+  ASSERT_TRUE(reply.file);
+  EXPECT_EQ(reply.file->bytes(), content_bytes);
+  EXPECT_EQ(header(reply, "ETag"), "\"" + hash + "\"");
+  EXPECT_EQ(header(reply, "X-Content-SHA256"), hash);
+  EXPECT_EQ(header(reply, "Cache-Control"), "no-cache");
+  EXPECT_EQ(header(reply, "Content-Disposition"), "attachment; filename=\"000007.throwcal\"");
+  reply = routes.reply(request);
+  EXPECT_FALSE(reply.work) << "the digest is known now";
+  EXPECT_EQ(header(reply, "X-Content-SHA256"), hash);
+  request.headers.if_none_match = "\"" + hash + "\"";
+  reply = routes.reply(request);
+  EXPECT_EQ(reply.status, http_not_modified);
+  EXPECT_FALSE(reply.file);
+}
+
+TEST_F(Routes, ASessionsFileIsWholeOrRefused) {
+  std::ofstream(file.string() + "-wal") << "what is not in the file yet";
+  EXPECT_EQ(get("/api/v1/sessions/7/file").status, http_conflict);
+  std::filesystem::remove(file.string() + "-wal");
+  HttpReply reply = routes.reply({"GET", "/api/v1/sessions/7/file"});
+  ASSERT_TRUE(reply.work);
+  std::ofstream(file, std::ios::app) << "more";
+  reply = whole(reply);
+  EXPECT_EQ(reply.status, http_internal_error) << "written to while it was read";
+  EXPECT_FALSE(reply.file);
+  EXPECT_EQ(get("/api/v1/sessions/7/file").file->bytes(), content_bytes + 4) << "asked again";
+  std::filesystem::remove(file);
+  EXPECT_EQ(get("/api/v1/sessions/7/file").status, http_internal_error);
+}
+
+TEST_F(Routes, ASessionIsDeletedOnce) {
+  HttpHeaders headers;
+  headers.origin = "http://elsewhere";
+  EXPECT_EQ(remove("/api/v1/sessions/7", headers).status, http_forbidden);
+  EXPECT_EQ(remove("/api/v1/sessions/seven").status, http_bad_request);
+  EXPECT_EQ(remove("/api/v1/sessions/7", {}, "[]").status, http_bad_request);
+  EXPECT_EQ(remove("/api/v1/sessions/7", {}, R"({"session": 6})").status, http_bad_request);
+  EXPECT_EQ(remove("/api/v1/sessions/8").status, http_conflict);
+  EXPECT_EQ(remove("/api/v1/sessions/9").status, http_not_found);
+  EXPECT_EQ(deletions, 0);
+  headers = {};
+  headers.idempotency_key = "k1";
+  EXPECT_EQ(*remove("/api/v1/sessions/7", headers).body, R"({"deleted":7})");
+  EXPECT_EQ(remove("/api/v1/sessions/7", headers).status, http_ok) << "asked again";
+  EXPECT_EQ(deletions, 1);
 }
 
 TEST_F(Routes, ThePageReachesNothingElse) {

@@ -18,7 +18,8 @@ struct SmallBox {
                     {{"north"},
                      [](CameraId) { return std::make_shared<const Preview>(); },
                      [] { return std::string(); },
-                     [] { return std::string(); }}};
+                     [] { return std::string(); },
+                     [](std::int64_t) { return std::filesystem::path("/dev/null"); }}};
 
   SmallBox() {
     rpc.add("auth", [](const Json& params, JsonRpc::Caller& caller) {
@@ -29,6 +30,11 @@ struct SmallBox {
       return {{"cameras", {{{"name", "north"}, {"running", true}, {"error", nullptr}}}}};
     });
     rpc.add("calibration.get", [](const Json& params, JsonRpc::Caller&) { return params; });
+    rpc.add("session.get", [](const Json& params, JsonRpc::Caller&) {
+      if (!params.at("session").is_number_integer()) throw RpcError(rpc_invalid_params, "session");
+      return params;
+    });
+    rpc.add_change("session.delete", [this](const Json&, JsonRpc::Caller&) { return ++changes; });
     rpc.add_change("capture.start", [this](const Json&, JsonRpc::Caller&) { return ++changes; });
   }
 };
@@ -58,14 +64,15 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   request.body = rest;
 
   SmallBox box;
-  const HttpReply reply = box.routes.reply(request);
+  HttpReply reply = box.routes.reply(request);
+  while (reply.work) reply = box.routes.further(reply);
   require(reply.status >= 200 && reply.status <= 503, "every request has a status");
   for (const auto& [name, value] : reply.headers)
     for (const char c : name + value) require(c >= 0x20 && c < 0x7F, "a header is printable");
   if (reply.status >= 400 && request.target != "/healthz")
     require(Json::parse(*reply.body, nullptr, false).contains("error"), "a fault says what it is");
   if (box.changes > 0)
-    require(request.method == "POST" && headers.authorization &&
+    require((request.method == "POST" || request.method == "DELETE") && headers.authorization &&
                 headers.authorization->find("fuzz-token") != std::string::npos,
             "nothing changes without the token");
   if (const auto path = path_segments(request.target))

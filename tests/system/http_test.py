@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The HTTP link: each route, each fault, and what a network sends; no camera loses a frame because of it."""
+
 import base64
 import hashlib
 import http.client
@@ -11,99 +12,12 @@ import socket
 import tarfile
 
 import box
+from http_talk import Answer, Stream, ask, change, get, raw, status_of
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 MAX_CONNECTIONS, MAX_STREAMS, MAX_BODY_BYTES = 16, 12, 64 * 1024
 CHANGES = ("start", "stop", "abort")
 SAMPLE = re.compile(r'([a-zA-Z_:][a-zA-Z0-9_:]*)(?:\{([a-zA-Z_]\w*="(?:[^"\\\n]|\\["\\n])*"(?:,[a-zA-Z_]\w*="(?:[^"\\\n]|\\["\\n])*")*)\})? (\S+)')
-
-
-class Answer:
-    def __init__(self, response: http.client.HTTPResponse):
-        self.status, self.headers, self.body = response.status, response.headers, response.read()
-
-    def json(self):
-        assert self.headers["Content-Type"] == "application/json", dict(self.headers)
-        return json.loads(self.body)
-
-    def error(self) -> tuple[int, int]:
-        """Status, and JSON-RPC's code; every fault has both."""
-        fault = self.json()["error"]
-        assert set(fault) == {"code", "message"} and fault["message"], fault
-        return self.status, fault["code"]
-
-
-def ask(port, method: str, path: str, headers: dict | None = None, body: bytes | None = None) -> Answer:
-    """A connection of its own."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=box.PATIENCE_S)
-    try:
-        connection.request(method, path, body=body, headers=headers or {})
-        return Answer(connection.getresponse())
-    finally:
-        connection.close()
-
-
-def get(port, path: str, headers: dict | None = None) -> Answer:
-    return ask(port, "GET", path, headers)
-
-
-def status_of(the_box) -> dict:
-    return get(the_box.http_port, "/api/v1/status").json()
-
-
-def change(the_box, what: str, token: str | None = None, headers: dict | None = None, body: bytes | None = None) -> Answer:
-    bearer = {"Authorization": f"Bearer {token}"} if token is not None else {}
-    return ask(the_box.http_port, "POST", f"/api/v1/capture/{what}", {**bearer, **(headers or {})}, body)
-
-
-def raw(port, data: bytes) -> bytes:
-    """What comes back until the box closes or has answered with a whole head and its short body."""
-    with socket.create_connection(("127.0.0.1", port), timeout=box.PATIENCE_S) as connection:
-        connection.sendall(data)
-        answer = b""
-        while piece := connection.recv(65536):
-            answer += piece
-            if (head := re.match(rb"(?s)HTTP/1.1 \d+.*?Content-Length: (\d+).*?\r\n\r\n", answer)) and len(answer) >= head.end() + int(head[1]):
-                break
-        return answer
-
-
-class Stream:
-    """An answer that does not end."""
-
-    def __init__(self, port, path: str):
-        self.connection = http.client.HTTPConnection("127.0.0.1", port, timeout=box.PATIENCE_S)
-        self.connection.request("GET", path)
-        self.response = self.connection.getresponse()
-
-    def __enter__(self):
-        assert self.response.status == 200, self.response.read()
-        return self
-
-    def __exit__(self, *_):
-        self.connection.close()
-
-    def line(self) -> str:
-        return self.response.readline().decode().rstrip("\r\n")
-
-    def event(self) -> tuple[str, dict]:
-        """The next event's name and document."""
-        fields = {}
-        while line := self.line():
-            name, _, value = line.partition(": ")
-            fields[name] = value
-        return fields.get("event", ""), json.loads(fields["data"]) if "data" in fields else {}
-
-    def picture(self) -> tuple[dict, bytes]:
-        """The next part's headers and JPEG."""
-        while (line := self.line()) != "--throwcal":
-            assert line == "", line
-        headers = {}
-        while line := self.line():
-            name, _, value = line.partition(": ")
-            headers[name] = value
-        assert headers["Content-Type"] == "image/jpeg", headers
-        return headers, self.response.read(int(headers["Content-Length"]))
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
@@ -436,7 +350,17 @@ def the_support_bundle_is_whole_and_tells_no_secret(the_box, folder) -> None:
     with tarfile.open(fileobj=io.BytesIO(answer.body), mode="r:") as tar:
         files = {member.name.removeprefix("throwcal-support/"): tar.extractfile(member).read().decode() for member in tar}
         assert all(member.isreg() and member.mode == 0o644 for member in tar)
-    assert set(files) == {"versions.txt", "status.json", "system.json", "cameras.json", "calibrations.json", "calibration-latest.json", "rig.toml", "metrics.txt", "log.txt"}
+    assert set(files) == {
+        "versions.txt",
+        "status.json",
+        "system.json",
+        "cameras.json",
+        "calibrations.json",
+        "calibration-latest.json",
+        "rig.toml",
+        "metrics.txt",
+        "log.txt",
+    }
     latest = get(the_box.http_port, "/api/v1/calibration/latest").json()
     assert json.loads(files["calibration-latest.json"]) == latest and json.loads(files["status.json"])["state"] == "done"
     assert samples(files["metrics.txt"]) and "session 1 began" in files["log.txt"] and '[[camera]]\nname = "cam1"' in files["rig.toml"]
