@@ -14,6 +14,8 @@ function sigma(value, goal, unit, scale) {
   return `${value <= goal ? "✔" : "▲"} ${shown}; wanted ${(goal * scale).toPrecision(3)} ${unit}`;
 }
 
+const count = (number, thing) => `${number} ${thing}${number === 1 ? "" : "s"}`;
+
 function problems(now) {
   const found = [];
   if (now.fault) found.push(now.fault);
@@ -54,7 +56,7 @@ function showCamera(camera) {
   const mark = camera.running && !camera.error ? "✔" : "✖";
   const lost = camera.frames_dropped + camera.frames_lost_by_driver + camera.frames_damaged;
   figureOf(camera.name).lastChild.textContent =
-    `${mark} ${camera.name}: ${camera.frames_per_s}/s, ${camera.flights} flights` + (lost ? `, ${lost} frames lost` : "");
+    `${mark} ${camera.name}: ${camera.frames_per_s}/s, ${count(camera.flights, "flight")}` + (lost ? `, ${count(lost, "frame")} lost` : "");
 }
 
 function show(now) {
@@ -67,6 +69,38 @@ function show(now) {
   say("software", now.software);
   showProblems(problems(now));
   now.cameras.forEach(showCamera);
+  showKept(now).catch(() => { kept = ""; });
+}
+
+function sessionItem(session) {
+  const item = document.createElement("li");
+  if (session.problem || ["done", "aborted", "interrupted"].includes(session.state)) {
+    const link = document.createElement("a");
+    link.href = `api/v1/sessions/${session.session}/file`;
+    link.download = session.file;
+    link.textContent = session.file;
+    item.append(link);
+  } else {
+    item.append(session.file);
+  }
+  const facts = session.problem ? [session.problem] : [session.started_utc.replace(/[TZ]/g, " ").trim(), session.state, count(session.throws, "throw"), session.verdict || "no verdict"];
+  item.append(` ${[...facts, `${(session.bytes / 1e6).toFixed(1)} MB`].join(", ")}`);
+  return item;
+}
+
+// What the box keeps, asked for when something of it has changed.
+const newestSessions = 5;
+let kept = "";
+async function showKept(now) {
+  const is = [now.session, now.state, now.calibration, now.calibration_problem].join();
+  if (is === kept) return;
+  kept = is;
+  const [sessions, calibrations] = await Promise.all(["sessions", "calibration"].map(async (name) => (await fetch("api/v1/" + name)).json()));
+  byId("sessions").replaceChildren(...sessions.slice(0, newestSessions).map(sessionItem));
+  byId("sessions-section").hidden = sessions.length === 0;
+  const hasCalibration = calibrations.length > 0 && !now.calibration_problem;
+  byId("calibration").hidden = !hasCalibration;
+  byId("no-calibration").hidden = hasCalibration;
 }
 
 async function learnName() {
@@ -96,10 +130,14 @@ async function command(what) {
   const key = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
   const headers = { "Idempotency-Key": key };
   const token = byId("token").value.trim();
+  if (/[^!-~]/.test(token)) {  // what no header can carry
+    byId("token").focus();
+    return "✖ this is not the box's token: it has a character that no token has";
+  }
   if (token) headers.Authorization = "Bearer " + token;
   const response = await fetch("api/v1/capture/" + what, { method: "POST", headers });
   const answer = await response.json();
-  if (response.ok) return "✔ " + what;
+  if (response.ok) return "✔ " + document.querySelector(`button[value=${what}]`).textContent;
   if (response.status === 401) byId("token").focus();
   return "✖ " + answer.error.message;
 }
