@@ -41,10 +41,10 @@ Json id_in(const std::string& text) {
 }
 
 /// Gives params a value that stands elsewhere, too: `where`.
-void set(Json& params, const char* name, const Json& value, const std::string& where) {
+void set(Json& params, const std::string& name, const Json& value, const std::string& where) {
   if (params.contains(name) && params.at(name) != value)
     throw HttpError(http_bad_request, rpc_invalid_params,
-                    "the body's " + std::string(name) + " is another one than the " + where);
+                    "the body's " + name + " is another one than the " + where);
   params[name] = value;
 }
 
@@ -105,8 +105,7 @@ std::vector<HttpRoutes::Route> HttpRoutes::routes() {
     return [this, method](const Request& r, const Text&) { return kept_document(r, method); };
   };
   const auto changes = [this](const char* method) {
-    return
-        [this, method](const Request& r, const Text&) { return change(r, method, params_of(r)); };
+    return [this, method](const Request& r, const Text&) { return change(r, method); };
   };
   const auto file = [this](const char* name) {
     return [this, name](const Request& r, const Text&) { return page(r, name); };
@@ -237,8 +236,10 @@ HttpReply HttpRoutes::document_of(const HttpRequest& request, const std::string&
 }
 
 HttpReply HttpRoutes::change(const HttpRequest& request, const std::string& method,
-                             const Json& params) {
+                             const Json& named) {
   refuse_foreign_page(request.headers);
+  Json params = params_of(request);
+  for (const auto& [name, value] : named.items()) set(params, name, value, "path's");
   JsonRpc::Caller caller;
   if (request.headers.authorization) {
     const auto token = bearer_token(*request.headers.authorization);
@@ -262,30 +263,26 @@ HttpReply HttpRoutes::session_file(const HttpRequest& request, const std::string
   reply.headers.emplace_back("Content-Disposition",
                              "attachment; filename=\"" + path->filename().string() + "\"");
   reply.file = std::make_shared<const OutgoingFile>(*path);
-  FileDigests::Search search(reply.file);
-  return digested(std::move(reply), std::move(search), request.headers.if_none_match);
+  return digested(std::move(reply), request.headers.if_none_match);
 }
 
-HttpReply HttpRoutes::digested(HttpReply reply, FileDigests::Search search,
-                               const std::optional<std::string>& if_none_match) {
-  const auto digest = digests_.look_further(search);
-  if (digest) {
+HttpReply HttpRoutes::digested(HttpReply reply, const std::optional<std::string>& if_none_match) {
+  if (const auto digest = digests_.look_further(*reply.file)) {
     add_digest(reply, *digest);
     return unless_known(std::move(reply), if_none_match);
   }
   HttpReply later{.file = reply.file};
-  later.work = [=, this] { return digested(reply, search, if_none_match); };
+  later.work = [=, this] { return digested(reply, if_none_match); };
   return later;
 }
 
 /// What is refused is under way, or is not there.
 HttpReply HttpRoutes::delete_session(const HttpRequest& request, const std::string& id) {
-  Json params = params_of(request);
-  set(params, "session", id_in(id), "path's");
+  const Json named{{"session", id_in(id)}};
   try {
-    return change(request, "session.delete", params);
+    return change(request, "session.delete", named);
   } catch (const RpcError& refusal) {
-    if (refusal.code == rpc_refused) document_of({}, "session.get", {{"session", id_in(id)}});
+    if (refusal.code == rpc_refused) document_of({}, "session.get", named);
     throw;
   }
 }

@@ -54,12 +54,12 @@ class HttpRoutes {
                           const JsonRpc::Json& params = {});
   HttpReply document_of(const HttpRequest& request, const std::string& method,
                         const JsonRpc::Json& params);
+  /// `named`: the params that the path gives.
   HttpReply change(const HttpRequest& request, const std::string& method,
-                   const JsonRpc::Json& params);
+                   const JsonRpc::Json& named = JsonRpc::Json::object());
   HttpReply session_file(const HttpRequest& request, const std::string& id);
   HttpReply delete_session(const HttpRequest& request, const std::string& id);
-  HttpReply digested(HttpReply reply, FileDigests::Search search,
-                     const std::optional<std::string>& if_none_match);
+  HttpReply digested(HttpReply reply, const std::optional<std::string>& if_none_match);
   HttpReply support();
   HttpReply health();
   HttpReply picture(const std::string& camera);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <iterator>
 #include <vector>
 
 #include "firmware/input_error.h"
@@ -43,19 +44,22 @@ std::optional<std::size_t> OutgoingFile::read(std::uint64_t offset, std::span<ch
   return static_cast<std::size_t>(count);
 }
 
-std::optional<Sha256Digest> FileDigests::look_further(Search& search) {
-  const OutgoingFile& file = *search.file_;
-  const auto known = std::ranges::find(known_, file.stamp(), &Known::stamp);
-  if (known != known_.end()) return known->digest;
+std::optional<Sha256Digest> FileDigests::look_further(const OutgoingFile& file) {
+  auto search = std::ranges::find(searches_, file.stamp(), &Search::stamp);
+  if (search == searches_.end()) {
+    if (searches_.size() >= remembered) searches_.pop_front();
+    searches_.push_back({file.stamp()});
+    search = std::prev(searches_.end());
+  }
+  if (search->digest) return search->digest;
   std::vector<char> piece(piece_bytes);
-  const auto count = file.read(search.looked_at_bytes_, piece);
+  const auto count = file.read(search->looked_at_bytes, piece);
   if (!count)
     throw InputError("the file was written to while it was read, or can't be read: ask again");
-  search.hash_.add({piece.data(), *count});
-  search.looked_at_bytes_ += *count;
-  if (search.looked_at_bytes_ < file.bytes()) return {};
-  if (known_.size() >= remembered) known_.pop_front();
-  return known_.emplace_back(Known{file.stamp(), search.hash_.digest()}).digest;
+  search->hash.add({piece.data(), *count});
+  search->looked_at_bytes += *count;
+  if (search->looked_at_bytes == file.bytes()) search->digest = search->hash.digest();
+  return search->digest;
 }
 
 }  // namespace throwcal

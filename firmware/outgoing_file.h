@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <span>
 
@@ -36,34 +35,24 @@ class OutgoingFile {
   Stamp stamp_;
 };
 
-/// The SHA-256 of files that may be large, found a piece at a time, so that nobody waits. The last
-/// ones are remembered.
+/// The SHA-256 of files that may be large, found a piece at a time, so that nobody waits, and once
+/// for all who ask. The last ones are remembered.
 class FileDigests {
  public:
   static constexpr std::size_t piece_bytes = 256 * 1024, remembered = 32;
 
-  /// Where the digest of one file is still looked for.
-  class Search {
-   public:
-    explicit Search(std::shared_ptr<const OutgoingFile> file) : file_(std::move(file)) {}
-
-   private:
-    friend class FileDigests;
-    std::shared_ptr<const OutgoingFile> file_;
-    Sha256 hash_;
-    std::uint64_t looked_at_bytes_ = 0;
-  };
-
   /// Looks at a piece more; nothing: there is more to look at. Throws InputError where the file is
   /// written to meanwhile, or can't be read.
-  std::optional<Sha256Digest> look_further(Search& search);
+  std::optional<Sha256Digest> look_further(const OutgoingFile& file);
 
  private:
-  struct Known {
+  struct Search {
     OutgoingFile::Stamp stamp;
-    Sha256Digest digest;
+    Sha256 hash{};
+    std::uint64_t looked_at_bytes = 0;
+    std::optional<Sha256Digest> digest{};
   };
-  std::deque<Known> known_;  ///< the oldest first
+  std::deque<Search> searches_;  ///< the oldest first
 };
 
 }  // namespace throwcal

@@ -26,10 +26,10 @@ class Outgoing : public ::testing::Test {
   std::filesystem::path path = folder.path() / "file";
 };
 
-std::optional<std::string> found(FileDigests& digests, FileDigests::Search& search, int turns) {
-  std::optional<Sha256Digest> digest;
-  while (!digest && turns-- > 0) digest = digests.look_further(search);
-  return digest ? std::optional(to_hex(*digest)) : std::nullopt;
+/// After one piece more.
+std::string found(FileDigests& digests, const OutgoingFile& file) {
+  const auto digest = digests.look_further(file);
+  return digest ? to_hex(*digest) : "not yet";
 }
 
 TEST_F(Outgoing, IsReadInParts) {
@@ -63,27 +63,44 @@ TEST_F(Outgoing, WhatIsNoFileIsRefused) {
   EXPECT_THROW(OutgoingFile(folder.path()), InputError);
 }
 
-TEST_F(Outgoing, DigestIsFoundInPiecesAndRemembered) {
-  const std::string text(FileDigests::piece_bytes + 1, 'a');
+TEST_F(Outgoing, DigestIsFoundInPiecesOnceForAllAndRemembered) {
+  const std::string text(2 * FileDigests::piece_bytes + 1, 'a');
   write(text);
   FileDigests digests;
-  FileDigests::Search first(std::make_shared<OutgoingFile>(path));
-  EXPECT_FALSE(found(digests, first, 1));
-  EXPECT_EQ(found(digests, first, 1), sha256_hex(text));
-  FileDigests::Search again(std::make_shared<OutgoingFile>(path));
-  EXPECT_EQ(found(digests, again, 1), sha256_hex(text));
+  const OutgoingFile one(path), same(path);
+  EXPECT_EQ(found(digests, one), "not yet");
+  EXPECT_EQ(found(digests, same), "not yet");
+  EXPECT_EQ(found(digests, same), sha256_hex(text)) << "what was looked at counts for both";
+  EXPECT_EQ(found(digests, one), sha256_hex(text));
   write("");
-  FileDigests::Search empty(std::make_shared<OutgoingFile>(path));
-  EXPECT_EQ(found(digests, empty, 1), sha256_hex(""));
+  EXPECT_EQ(found(digests, OutgoingFile(path)), sha256_hex(""));
+  write("b");
+  EXPECT_EQ(found(digests, OutgoingFile(path)), sha256_hex("b"));
 }
 
 TEST_F(Outgoing, DigestOfWhatIsWrittenToMeanwhileIsNone) {
   write(std::string(FileDigests::piece_bytes + 1, 'a'));
   FileDigests digests;
-  FileDigests::Search search(std::make_shared<OutgoingFile>(path));
-  EXPECT_FALSE(found(digests, search, 1));
+  const OutgoingFile file(path);
+  EXPECT_EQ(found(digests, file), "not yet");
   write("b", std::ios::app);
-  EXPECT_THROW(digests.look_further(search), InputError);
+  EXPECT_THROW(digests.look_further(file), InputError);
+}
+
+TEST_F(Outgoing, DigestsOfManyFilesAreForgotten) {
+  FileDigests digests;
+  const std::string text(FileDigests::piece_bytes + 1, 'a');
+  write(text);
+  const OutgoingFile first(path);
+  EXPECT_EQ(found(digests, first), "not yet");
+  for (std::size_t i = 0; i < FileDigests::remembered; ++i) {
+    const std::filesystem::path other = path.string() + "_other";
+    std::ofstream(other) << std::string(i + 1, 'b');
+    EXPECT_EQ(found(digests, OutgoingFile(other)), sha256_hex(std::string(i + 1, 'b')));
+    std::filesystem::remove(other);
+  }
+  EXPECT_EQ(found(digests, first), "not yet") << "begun again";
+  EXPECT_EQ(found(digests, first), sha256_hex(text));
 }
 
 TEST(Sha256, OfPiecesIsThatOfTheWhole) {
