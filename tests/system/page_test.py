@@ -108,9 +108,6 @@ def a_box_that_is_gone_is_told(page, the_box) -> None:
 
 
 def story(build, folder) -> None:
-    if not browser.PROGRAM:
-        print("skipped: needs a browser (apt install chromium: 108 MB, 360 MB on the disk)")
-        sys.exit(77)
     box.simulate(build, folder, "--cameras", str(CAMERAS), "--width", "320", "--height", "240", "--focal", "240", "--fps", "30")
     with box.running_box(build, folder) as the_box:
         box.until(lambda: all(c["frames"] > 0 for c in status_of(the_box)["cameras"]), "every camera runs")
@@ -128,4 +125,7 @@ def story(build, folder) -> None:
 
 
 if __name__ == "__main__":
+    if not browser.PROGRAM:
+        print("skipped: needs a browser (apt install chromium: 108 MB, 360 MB on the disk)")
+        sys.exit(77)
     box.main(story)
