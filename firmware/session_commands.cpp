@@ -161,6 +161,9 @@ void unpack(const fs::path& file, const fs::path& folder) {
   std::printf("Written: %s\n", folder.c_str());
 }
 
+/// In the folder that a box's session is unpacked into.
+constexpr const char* fetched_name = "session.throwcal";
+
 struct ExportOptions {
   std::string session, output;
   bool unpacked = false;
@@ -168,18 +171,16 @@ struct ExportOptions {
 
 void export_session(const BoxOptions& box, const ExportOptions& options) {
   const auto number = number_of(options.session);
-  if (number) {
-    const fs::path file =
-        options.unpacked ? fs::path(options.output + ".throwcal") : fs::path(options.output);
-    write_text_file(file, download(box, *number));
-    if (!options.unpacked) return void(std::printf("Written: %s\n", file.c_str()));
-    unpack(file, options.output);
-    fs::remove(file);
-    return;
-  }
-  if (!options.unpacked)
+  if (!number && !options.unpacked)
     throw InputError("export " + options.session + ": it is a file here; expected --unpack");
-  unpack(options.session, options.output);
+  if (!number) return unpack(options.session, options.output);
+  const std::string session = download(box, *number);
+  if (options.unpacked) fs::create_directories(options.output);
+  const fs::path file =
+      options.unpacked ? fs::path(options.output) / fetched_name : fs::path(options.output);
+  write_text_file(file, session);
+  if (options.unpacked) return unpack(file, options.output);
+  std::printf("Written: %s\n", file.c_str());
 }
 
 void delete_session(const BoxOptions& options, std::int64_t session, bool is_sure) {
@@ -214,7 +215,8 @@ void add_session_commands(CLI::App& app, int& status, const std::shared_ptr<BoxO
   exported->add_option("--output", options->output, "The file, or with --unpack the folder")
       ->required();
   exported->add_flag("--unpack", options->unpacked,
-                     "As rig.toml, sightings.csv, calibration.json and pictures");
+                     "As rig.toml, sightings.csv, calibration.json and pictures; a session of the "
+                     "box stays there as session.throwcal, too");
   exported->footer(
       "Example:\n  throwcal export 7 --host box.local --output 000007.throwcal\n"
       "  throwcal calibrate --session 000007.throwcal --output calibration.json\n"

@@ -86,6 +86,16 @@ def a_part_beyond_its_file_is_refused(the_box, session: int) -> None:
             assert client.answer("session.read", {"session": number})["error"]["code"] == -32000, number
 
 
+def it_is_fetched_and_unpacked(the_box, session: int, folder) -> None:
+    neighbour, out = folder / "at_once.throwcal", folder / "at_once"
+    neighbour.write_text("somebody's own")
+    command(the_box, "export", str(session), "--unpack", "--output", str(out))
+    assert neighbour.read_text() == "somebody's own"
+    assert (out / "session.throwcal").read_bytes() == (folder / "fetched.throwcal").read_bytes()
+    for name in ("rig.toml", "sightings.csv", "calibration.json"):
+        assert (out / name).read_bytes() == (folder / "unpacked" / name).read_bytes(), name
+
+
 def it_is_unpacked(the_box, folder) -> None:
     file, out = folder / "fetched.throwcal", folder / "unpacked"
     command(the_box, "export", str(file), "--unpack", "--output", str(out))
@@ -146,6 +156,7 @@ def story(build, folder) -> None:
         it_is_repeated_bit_for_bit(the_box, session, folder)
         a_part_beyond_its_file_is_refused(the_box, session)
         it_is_unpacked(the_box, folder)
+        it_is_fetched_and_unpacked(the_box, session, folder)
         a_damaged_session_is_one_error(the_box, folder)
         one_is_thrown_away(the_box)
         one_is_deleted(the_box, captured(the_box, 1), folder)
