@@ -16,7 +16,10 @@
 namespace throwcal {
 namespace {
 
-constexpr int keepalive_idle_s = 60;
+/// A client that has vanished (power off, cable out) gives its place back within 90 s: one that is
+/// silent by the probes, one that something is being sent to by what it does not acknowledge.
+constexpr int keepalive_idle_s = 60, keepalive_interval_s = 10, keepalive_probes = 3;
+constexpr int unacknowledged_ms = 30'000;
 
 void set_option(int fd, int level, int option, int value) {
   setsockopt(fd, level, option, &value, sizeof value);
@@ -82,6 +85,9 @@ void ListenSocket::accept_all() {
     set_option(peer.fd, IPPROTO_TCP, TCP_NODELAY, 1);
     set_option(peer.fd, SOL_SOCKET, SO_KEEPALIVE, 1);
     set_option(peer.fd, IPPROTO_TCP, TCP_KEEPIDLE, keepalive_idle_s);
+    set_option(peer.fd, IPPROTO_TCP, TCP_KEEPINTVL, keepalive_interval_s);
+    set_option(peer.fd, IPPROTO_TCP, TCP_KEEPCNT, keepalive_probes);
+    set_option(peer.fd, IPPROTO_TCP, TCP_USER_TIMEOUT, unacknowledged_ms);
     accept_(peer);
   }
 }
