@@ -7,9 +7,10 @@ namespace throwcal {
 
 using namespace std::chrono_literals;
 
-Contacts::Contacts(EventLoop& loop, const ButtonTimes& times, std::function<void()> read_edges,
-                   std::function<void(Press)> pressed)
+Contacts::Contacts(EventLoop& loop, const ButtonTimes& times, Button::Time started,
+                   std::function<void()> read_edges, std::function<void(Press)> pressed)
     : times_(times),
+      started_(started),
       read_edges_(std::move(read_edges)),
       pressed_(std::move(pressed)),
       timer_(loop.on_timer(0ms, [this] { advance_all(); })) {}

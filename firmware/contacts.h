@@ -13,10 +13,10 @@ namespace throwcal {
 /// keeps no other from being pressed. Timers by the main loop.
 class Contacts {
  public:
-  /// `read_edges`: tells those that wait already. A loop that was late must not take a short press
-  /// for a long one.
-  Contacts(EventLoop& loop, const ButtonTimes& times, std::function<void()> read_edges,
-           std::function<void(Press)> pressed);
+  /// `started`: when the box did. `read_edges`: tells those that wait already. A loop that was late
+  /// must not take a short press for a long one.
+  Contacts(EventLoop& loop, const ButtonTimes& times, Button::Time started,
+           std::function<void()> read_edges, std::function<void(Press)> pressed);
 
   /// A contact is there from now on. `is_debounced`: by whoever tells its edges.
   void add(const std::string& name, bool is_down, bool is_debounced = false);
@@ -31,9 +31,9 @@ class Contacts {
   void set_timer();
 
   ButtonTimes times_;
+  const Button::Time started_;
   std::function<void()> read_edges_;
   std::function<void(Press)> pressed_;
-  const Button::Time started_ = Button::Clock::now();
   std::map<std::string, Button> buttons_;
   EventLoop::Source timer_;
 };

@@ -120,7 +120,7 @@ void Daemon::run() {
   setpriority(PRIO_PROCESS, 0, niceness);  // on Linux, of the calling thread only
   estimator_.emplace(config_.rig, rig_, news_, config_.pre_trigger);
   resume_unsolved();
-  make_panel();
+  panel_.emplace(loop_, config_.button, config_.light, [this](Press press) { return obey(press); });
   if (!settings_.port_file.empty())
     write_text_file(settings_.port_file, std::to_string(link_.port()) + "\n");
   if (!settings_.http_port_file.empty() && http_)

@@ -67,7 +67,6 @@ class Daemon {
   std::filesystem::path token_file() const;
   bool obey(Press press);  ///< false: not possible now. (daemon_button.cpp)
   void reset_access();
-  void make_panel();
   void reload();  ///< (daemon_reload.cpp)
   void take_over(Config next);
   void take_next_config();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <systemd/sd-daemon.h>
 
+#include <algorithm>
 #include <ctime>
 
 #include "firmware/config_changes.h"
@@ -14,6 +15,11 @@ std::string list(const std::vector<std::string>& names) {
   std::string out;
   for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
   return out;
+}
+
+bool has(const std::vector<std::string>& changes, std::string_view table) {
+  return std::ranges::any_of(changes,
+                             [&](const auto& change) { return change.starts_with(table); });
 }
 
 /// systemd asks for the moment at which the reload began.
@@ -51,10 +57,8 @@ void Daemon::take_over(Config next) {
   config_.unit = next.unit;
   config_.button = next.button;
   config_.light = next.light;
-  const auto is_of_panel = [](const std::string& change) {
-    return !change.starts_with("[daemon]");
-  };
-  if (std::ranges::any_of(now, is_of_panel)) make_panel();
+  if (has(now, "[button]")) panel_->change(config_.button);
+  if (has(now, "[light]")) panel_->change(config_.light);
   if (!now.empty()) log_info("configuration changed: " + list(now));
   if (!restart.empty()) {
     restart.insert(restart.end(), later.begin(), later.end());
@@ -74,11 +78,6 @@ void Daemon::take_next_config() {
   config_.pre_trigger = next_config_->pre_trigger;
   estimator_->change(config_.rig.target, config_.pre_trigger);
   next_config_.reset();
-}
-
-void Daemon::make_panel() {
-  panel_.reset();  // lets go of its devices
-  panel_.emplace(loop_, config_.button, config_.light, [this](Press press) { return obey(press); });
 }
 
 }  // namespace throwcal

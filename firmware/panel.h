@@ -20,14 +20,22 @@ class Panel {
   Panel(const Panel&) = delete;
   Panel& operator=(const Panel&) = delete;
 
+  /// The configuration was read again. That is no start of the box: a button that is found down
+  /// then resets nothing.
+  void change(const ButtonSettings& button);
+  void change(const LightSettings& light);
+
   /// `is_open`: anybody may change something (Access).
   void show(const Status& status, bool is_open);
 
  private:
   void read_edges();
 
+  EventLoop& loop_;
+  const std::function<bool(Press)> obey_;
+  const Button::Time started_ = Button::Clock::now();
   std::optional<Light> light_;
-  Contacts contacts_;
+  std::optional<Contacts> contacts_;
   std::optional<EvdevButton> keys_;
   std::optional<GpioButton> line_;
 };
