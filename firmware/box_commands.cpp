@@ -189,6 +189,20 @@ void stop_capture(const BoxOptions& options, double timeout_s, bool wait) {
   print(now, status_line(now) + "\n", options.json);
 }
 
+void abort_capture_by_can(const BoxOptions& options) {
+  CanClient box = options.listen();
+  box.order(CanOrder::abort, options.short_key());
+  const Json now = box.status();
+  print(now, status_line(now) + "\n", options.json);
+}
+
+void abort_capture(const BoxOptions& options) {
+  BoxClient box = options.connect();
+  options.authenticate(box);
+  const Json now = box.call("capture.abort");
+  print(now, status_line(now) + "\n", options.json);
+}
+
 CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptions>& box) {
   auto* capture = app.add_subcommand("capture", "Start or stop a session of throws");
   capture->require_subcommand(1);
@@ -218,10 +232,7 @@ CLI::App* add_capture(CLI::App& app, int& status, const std::shared_ptr<BoxOptio
   });
   auto* abort = capture->add_subcommand("abort", "Throw this session away");
   abort->callback([box, &status] {
-    BoxClient client = box->connect();
-    box->authenticate(client);
-    const Json now = client.call("capture.abort");
-    print(now, status_line(now) + "\n", box->json);
+    box->can.empty() ? abort_capture(*box) : abort_capture_by_can(*box);
     status = exit_accepted;
   });
   return capture;

@@ -80,6 +80,8 @@ date +%s.%N > out/end
 
 python3 can_talk.py commands can0 $(cat /run/port) /run/state/token out/commands
 until ./throwcal capture start --can can0 > out/start 2> out/locked; do kill -0 $box; sleep 0.2; done # the lock ends
+./throwcal capture abort --can can0 > out/abort
+./throwcal capture start --can can0 > out/start
 await '"state":"(warming-up|capturing)"'
 ./throwcal capture stop --can can0 > out/stop
 ask
@@ -389,6 +391,7 @@ def check_commands(result: vm.Result) -> None:
     first, before = answers["start"], answers["a wrong key"]
     assert answers["the same start"] == first and answers["another start"]["session"] == first["session"] == before["session"] + 1, answers
     assert re.fullmatch(r"capturing, session \d+: throw the ball\n", result.text("start")), result.text("start")
+    assert result.text("abort") == "idle: 0 throws\n", result.text("abort")
     stopped = json.loads(result.text("stopped"))["result"]
     assert stopped["state"] == "done", stopped
     assert result.text("stop").startswith(f"done: {stopped['throws']} throw"), (result.text("stop"), stopped)
