@@ -54,6 +54,14 @@ HostTime host_now() {
       std::chrono::steady_clock::now().time_since_epoch()));
 }
 
+const std::string& source_of(const Config& config, std::size_t camera) {
+  const std::string& source = config.inputs.at(camera).source;
+  if (!source.empty()) return source;
+  throw InputError("camera \"" + config.rig.cameras.at(camera).name +
+                   "\" has no source; expected source = \"simulated\", \"video:PATH\", "
+                   "\"v4l2:DEVICE\" or \"libcamera:ID\"");
+}
+
 std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config, bool may_be_missing) {
   std::vector<NamedSerial> others;
   for (std::size_t i = 0; i < config.inputs.size(); ++i)
@@ -66,7 +74,7 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config, bool may
     CameraSource source;
     source.id = id;
     source.name = camera.name;
-    source.source = config.inputs[id].source;
+    source.source = source_of(config, id);
     source.device = config.inputs[id].device;
     source.may_be_missing = may_be_missing;
     source.others = others;
@@ -74,10 +82,6 @@ std::vector<std::unique_ptr<Camera>> open_cameras(const Config& config, bool may
     source.colour = config.ball_colour.has_value();
     source.scene = scene;
     source.scene_start = start;
-    if (source.source.empty())
-      throw InputError("camera \"" + camera.name +
-                       "\" has no source; expected source = \"simulated\", \"video:PATH\", "
-                       "\"v4l2:DEVICE\" or \"libcamera:ID\"");
     if (source.source == "simulated") check_simulated(config, id, *scene);
     cameras.push_back(make_camera(source));
   }

@@ -14,6 +14,9 @@ namespace throwcal {
 /// Now, on the clock of the cameras' frames.
 HostTime host_now();
 
+/// Where a camera's pictures come from. Throws InputError where the rig file does not say it.
+const std::string& source_of(const Config& config, std::size_t camera);
+
 /// The rig file's cameras, opened by their `source` keys. Throws InputError (camera and what was
 /// expected) or what the driver says. `may_be_missing`: a device that is not plugged in is waited
 /// for.

@@ -2,7 +2,7 @@
 #include "firmware/config_check.h"
 
 #include "capture/quotation.h"
-#include "firmware/input_error.h"
+#include "firmware/cameras.h"
 
 namespace throwcal {
 namespace {
@@ -11,15 +11,10 @@ std::string cameras(const Config& config) {
   std::string out = std::to_string(config.rig.cameras.size()) + " cameras\n";
   for (std::size_t i = 0; i < config.rig.cameras.size(); ++i) {
     const CameraDescription& camera = config.rig.cameras[i];
-    const std::string& source = config.inputs[i].source;
-    if (source.empty())
-      throw InputError("camera \"" + camera.name +
-                       "\" has no source; expected source = \"simulated\", \"video:PATH\", "
-                       "\"v4l2:DEVICE\" or \"libcamera:ID\"");
     out += "  " + camera.name + ": " + std::to_string(camera.model.width_px) + "x" +
            std::to_string(camera.model.height_px) + ", " +
-           (camera.model.lens == Lens::kb4 ? "kb4" : "radtan") + ", " + printable(source, 200) +
-           "\n";
+           (camera.model.lens == Lens::kb4 ? "kb4" : "radtan") + ", " +
+           printable(source_of(config, i), 200) + "\n";
   }
   return out;
 }
@@ -51,12 +46,28 @@ std::string light(const LightSettings& settings) {
   return "light: " + (out.empty() ? "none" : out);
 }
 
+std::string place(const ListenAddress& address) {
+  return printable(address.host, 200) + ":" + std::to_string(address.port);
+}
+
+std::string can(const std::optional<CanSettings>& settings) {
+  if (!settings) return "CAN: none\n";
+  return "CAN: " + printable(settings->interface, 200) + ", unit " +
+         std::to_string(settings->unit) +
+         (settings->fd ? ", documents in FD frames\n" : ", classic frames\n");
+}
+
+std::string files(const Config& config, const std::filesystem::path& state_dir) {
+  return "state folder " + printable(state_dir.string(), 200) + "; token in " +
+         printable(config.token_file.value_or(state_dir / "token").string(), 200) + "\n";
+}
+
 }  // namespace
 
-std::string summary(const Config& config) {
-  return cameras(config) + physics(config.rig) + "TCP " + printable(config.listen.host, 200) + ":" +
-         std::to_string(config.listen.port) + "; " + button(config.button) + "; " +
-         light(config.light) + "\n";
+std::string summary(const Config& config, const std::filesystem::path& state_dir) {
+  return cameras(config) + physics(config.rig) + "TCP " + place(config.listen) + "; HTTP " +
+         (config.http.listen ? place(*config.http.listen) : "off") + "\n" + can(config.can) +
+         files(config, state_dir) + button(config.button) + "; " + light(config.light) + "\n";
 }
 
 }  // namespace throwcal

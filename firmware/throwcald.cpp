@@ -70,12 +70,13 @@ int main(int argc, char** argv) {
       if (!address) throw InputError("--listen " + listen + ": expected ADDRESS or ADDRESS:PORT");
       config.listen = *address;
     }
+    if (!http_listen.empty()) config.http.listen = http_address(http_listen);
+    const std::filesystem::path folder = state_dir(state, config);
     if (only_check) {
-      std::printf("%s%s: ok\n", summary(config).c_str(), config_file.c_str());
+      std::printf("%s%s: ok\n", summary(config, folder).c_str(), config_file.c_str());
       return 0;
     }
-    if (!http_listen.empty()) config.http.listen = http_address(http_listen);
-    Daemon(config, {config_file, state_dir(state, config), port_file, http_port_file}).run();
+    Daemon(config, {config_file, folder, port_file, http_port_file}).run();
     return 0;
   } catch (const CLI::Success& asked_for_help) {
     return app.exit(asked_for_help);

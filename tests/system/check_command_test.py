@@ -4,7 +4,6 @@
 
 import pathlib
 import re
-import re
 import subprocess
 import sys
 
@@ -26,9 +25,16 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
     odd = folder / "odd.toml"
     odd.write_text(rig + '[sight]\nx = 1\n[button]\nkey = ["KEY_RECORD", "KEY_A"]\ngpio = "gpiochip0:17"\n')
     said = check(build, odd, "--state-dir", str(folder / "state"))
+    assert f"HTTP 0.0.0.0:8080\nCAN: none\nstate folder {folder}/state; token in {folder}/state/token\n" in said.stdout, said
     assert said.returncode == 0 and "button: KEY_RECORD, KEY_A, gpiochip0:17; light: none" in said.stdout, said
     assert said.stderr.count("\n") == 1 and "sight is not a known key" in said.stderr, said
     assert not (folder / "state").exists(), "nothing is made"
+    elsewhere = rig.replace("[daemon]\n", '[daemon]\nstate_dir = "/a"\ntoken_file = "/b"\n')
+    on_a_bus = elsewhere + '\n[can]\ninterface = "can0"\nunit = 3\nfd = true\n'
+    odd.write_text(re.sub(r"(\[http\]\n)listen = .*", r'\1listen = "127.0.0.1:9"', on_a_bus))
+    said = check(build, odd)
+    assert "HTTP 127.0.0.1:9\nCAN: can0, unit 3, documents in FD frames\nstate folder /a; token in /b\n" in said.stdout, said
+    assert "; HTTP off\n" in check(build, odd, "--http-listen", "off").stdout
     for wrong, why in (
         (rig.replace('source = "simulated"', "", 1), 'camera "cam1" has no source'),
         (re.sub("listen = .*", "listen = 7", rig), "listen must be"),
