@@ -72,6 +72,32 @@ void add_cameras(MetricsText& out, const Json& cameras) {
   }
 }
 
+constexpr const char* can_counters[][2] = {
+    {"frames_sent", "Frames that the bus took."},
+    {"frames_lost", "Frames that could not be sent."},
+    {"queue_full", "How often a frame was left out because the queue was full."},
+    {"bus_off", "How often the controller left the bus."},
+    {"error_passive", "How often the controller became error-passive."},
+    {"tx_timeouts", "How often the controller could not send in time."},
+    {"reopened", "How often the interface came back."},
+    {"commands", "Command frames that came."},
+    {"commands_ignored", "Command frames that were too many to be looked at."},
+    {"wrong_keys", "Commands with a key that is not the box's."},
+    {"blocks_sent", "Blocks of documents that were sent."},
+    {"transfers_failed", "Blocks of documents that did not come to their end."},
+};
+
+/// Nothing where the box is on no bus.
+void add_can(MetricsText& out, const Json& can) {
+  if (!can.is_object()) return;
+  out.begin("throwcal_can_state", "gauge", "1: how the bus is.");
+  out.sample(1, "state", can.at("state").get<std::string>());
+  for (const auto& [key, help] : can_counters) {
+    out.begin(std::string("throwcal_can_") + key + "_total", "counter", help);
+    out.sample(value_of(can, key));
+  }
+}
+
 void add_session(MetricsText& out, const Json& status, const Target& target) {
   out.begin("throwcal_state", "gauge", "1: the state that the box is in.");
   out.sample(1, "state", status.at("state").get<std::string>());
@@ -136,6 +162,7 @@ std::string to_metrics(const Json& status, const BoxFigures& box) {
   add_box(out, status, box);
   add_session(out, status, box.target);
   add_cameras(out, status.at("cameras"));
+  add_can(out, value_of(status, "can"));
   return out.take();
 }
 

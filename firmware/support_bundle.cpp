@@ -59,6 +59,7 @@ std::string support_bundle(JsonRpc& rpc, const Config& config, const std::string
   add("status.json", told(rpc, "status.get"));
   add("system.json", told(rpc, "system.info"));
   add("cameras.json", told(rpc, "camera.list"));
+  add("sessions.json", told(rpc, "session.list"));
   add("calibrations.json", told(rpc, "calibration.list"));
   add("calibration-latest.json", told(rpc, "calibration.latest"));
   add("rig.toml", without_secrets(config));

@@ -21,6 +21,7 @@ const Json status = {
       {{"name", "east"}, {"running", false}, {"frames", 0}, {"error", nullptr}}}},
     {"sightings_dropped", 0},
     {"fault", "disk \"full\""},
+    {"can", {{"state", "queue-full"}, {"problem", nullptr}, {"queue_full", 7}, {"wrong_keys", 2}}},
     {"uptime_s", 1.5},
     {"software", "throwcal \"x\\\n"}};
 
@@ -36,10 +37,17 @@ TEST(Metrics, TellWhatTheStatusTells) {
         "throwcal_worst_sigma_position_metres 0.0025", "throwcal_target_position_metres 0.005",
         "throwcal_camera_running{camera=\"north\"} 1", "throwcal_camera_running{camera=\"east\"} 0",
         "throwcal_camera_frames_total{camera=\"north\"} 18446744073709551615", "throwcal_fault 1",
-        "throwcal_tcp_clients 2", "throwcal_http_connections 3",
+        "throwcal_can_state{state=\"queue-full\"} 1", "throwcal_can_queue_full_total 7",
+        "throwcal_can_wrong_keys_total 2", "throwcal_tcp_clients 2", "throwcal_http_connections 3",
         "throwcal_info{software=\"throwcal \\\"x\\\\\\n\"} 1", "throwcal_uptime_seconds 1.5"})
     EXPECT_TRUE(has_line(line)) << line << " is not in\n" << text();
   EXPECT_EQ(text().find("\nthrowcal_worst_sigma_rotation_radians "), std::string::npos);
+}
+
+TEST(Metrics, SayNothingOfABusWhereThereIsNone) {
+  Json without = status;
+  without["can"] = nullptr;
+  EXPECT_EQ(to_metrics(without, {}).find("throwcal_can"), std::string::npos);
 }
 
 TEST(Metrics, EachLineIsOfTheFormat) {
