@@ -123,11 +123,11 @@ void CanLink::renew_report() {
   report_.heartbeat.alive = (beat + (tenth_ % second == 0)) % 128;
 }
 
-/// Whether the latest calibration may be another one: to ask for it costs more than to ask this.
+/// Whether the latest calibration may be another one: to ask for it costs more than to ask this. A
+/// deleted session is not seen here, but by the next renewal.
 bool CanLink::has_other_result(const Json& status) {
   Json now;
-  for (const char* key : {"state", "session", "throws", "worst_sigma_position_m",
-                          "worst_sigma_rotation_rad", "verdict", "calibration_problem"})
+  for (const char* key : {"calibration", "session", "calibration_problem"})
     now[key] = status.value(key, Json());
   if (now == result_of_) return false;
   result_of_ = std::move(now);
