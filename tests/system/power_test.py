@@ -62,17 +62,24 @@ class Life:
         command = [build / "throwcald", "--config", folder / "rig.toml", "--listen", "127.0.0.1:0", "--http-listen", "off", "--state-dir", folder / "state"]
         self.began = time.monotonic()
         self.process = subprocess.Popen([*command, "--port-file", self.port_file], stderr=self.log)
+        self.is_killed = False
+
+    def kill(self) -> None:
+        self.is_killed = True
+        self.process.kill()
 
     def live(self) -> None:
-        timer = threading.Timer(self.kill_after_s, self.process.kill)
+        timer = threading.Timer(self.kill_after_s, self.kill)
         timer.start()
         try:
             self.use()
-        except (OSError, AssertionError, ValueError):  # it was killed in the middle of it
-            assert self.process.wait(box.PATIENCE_S) == -9, self.process.returncode
-        self.process.wait(box.PATIENCE_S)
-        timer.join()
-        self.log.close()
+        except (OSError, AssertionError, ValueError):
+            if not self.is_killed:  # a refusal or a wrong answer, or the box has died by itself
+                raise
+        finally:
+            timer.join()
+            self.process.wait(box.PATIENCE_S)
+            self.log.close()
         assert self.process.returncode == -9, f"it left by itself, with status {self.process.returncode}"
 
     def use(self) -> None:
