@@ -45,13 +45,23 @@ def comes_and_goes(port: int, kind: int) -> None:
             client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # a reset, not an end
 
 
-def asks(port: int, over: threading.Event, counts: list[int]) -> None:
-    with box.Client(port) as client:
-        client.line()
-        while not over.is_set():
-            client.call("status.get")
-            counts.append(1)
-            over.wait(0.05)
+class Asker(threading.Thread):
+    """A client that asks all the time."""
+
+    def __init__(self, port: int, over: threading.Event):
+        super().__init__()
+        self.port, self.over, self.questions, self.error = port, over, 0, None
+
+    def run(self) -> None:
+        try:
+            with box.Client(self.port) as client:
+                client.line()
+                while not self.over.is_set():
+                    client.call("status.get")
+                    self.questions += 1
+                    self.over.wait(0.05)
+        except BaseException as error:  # told by the main thread
+            self.error = error
 
 
 def storm(port: int, connections: int) -> None:
@@ -72,11 +82,12 @@ def counters(port: int) -> list[dict]:
 def story(build, folder) -> None:
     box.simulate(build, folder, "--cameras", "2", "--width", "320", "--height", "240", "--focal", "240", "--fps", "30")
     with box.running_box(build, folder) as the_box:
-        pid, over, counts = the_box.process.pid, threading.Event(), []
+        pid, over = the_box.process.pid, threading.Event()
         box.until(lambda: all(c["frames"] > 30 for c in counters(the_box.port)), "every camera runs")
-        askers = [threading.Thread(target=asks, args=(the_box.port, over, counts)) for _ in range(ASKING)]
+        askers = [Asker(the_box.port, over) for _ in range(ASKING)]
         for asker in askers:
             asker.start()
+        box.until(lambda: all(asker.questions or asker.error for asker in askers), "everyone has asked")
         silent = [socket.create_connection(("127.0.0.1", the_box.port)) for _ in range(2)]  # half open: they never say a word
         storm(the_box.port, CONNECTIONS // 2)
         box.until(lambda: descriptors(pid) <= 64 + ASKING, "who went is gone")
@@ -89,9 +100,13 @@ def story(build, folder) -> None:
             each.join() if isinstance(each, threading.Thread) else each.close()
         lost = {key: sum(n[key] - w[key] for w, n in zip(before, after)) for key in ("frames_dropped", "frames_lost_by_driver")}
         print(
-            f"{CONNECTIONS} connections beside {ASKING} clients with {len(counts)} questions: {sum(n['frames'] - w['frames'] for w, n in zip(before, after))} frames, {lost}; "
+            f"{CONNECTIONS} connections beside {ASKING} clients with {sum(asker.questions for asker in askers)} questions: {sum(n['frames'] - w['frames'] for w, n in zip(before, after))} frames, {lost}; "
             f"resident {middle} -> {end} kB, {middle_files} -> {descriptors(pid)} descriptors"
         )
+        for asker in askers:
+            if asker.error:
+                raise asker.error
+        assert all(asker.questions for asker in askers), [asker.questions for asker in askers]
         assert not any(lost.values()), (before, after)
         assert end - middle < MAX_GROWTH_KB, (middle, end)
         the_box.stop()
