@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -112,7 +114,8 @@ double sphere_drag_per_m(double diameter_m, double mass_kg, double drag_coeffici
                          double altitude_m) {
   // ISA troposphere: T = 288.15 - 0.0065 h, p = 101325 (T / 288.15)^5.2559, rho = p / (287.05 T).
   const double temperature_k = 288.15 - 0.0065 * altitude_m;
-  const double pressure_pa = 101325.0 * std::pow(temperature_k / 288.15, 5.2559);
+  const double pressure_pa =
+      101325.0 * elementary::exp(5.2559 * elementary::log(temperature_k / 288.15));
   const double density = pressure_pa / (287.05287 * temperature_k);
   const double area_m2 = 0.25 * std::numbers::pi * diameter_m * diameter_m;
   return density * drag_coefficient * area_m2 / (2.0 * mass_kg);
@@ -121,7 +124,7 @@ double sphere_drag_per_m(double diameter_m, double mass_kg, double drag_coeffici
 double normal_gravity_mps2(double latitude_rad, double height_m) {
   constexpr double equator = 9.7803253359, k = 0.00193185265241, e2 = 0.00669437999014;
   constexpr double a_m = 6378137.0, f = 1.0 / 298.257223563, m = 0.00344978650684;
-  const double s2 = std::sin(latitude_rad) * std::sin(latitude_rad);
+  const double s2 = square(elementary::sin(latitude_rad));
   const double at_ellipsoid = equator * (1 + k * s2) / std::sqrt(1 - e2 * s2);
   return at_ellipsoid * (1 - 2 / a_m * (1 + f + m - 2 * f * s2) * height_m +
                          3 / (a_m * a_m) * height_m * height_m);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "estimator/elementary.h"
 #include "estimator/flight_alignment.h"
 
 namespace throwcal {
@@ -159,7 +160,8 @@ Start start_from_guess(const RigDescription& rig, const std::vector<TimedThrow>&
                        const FlightTable& flights, const Guess& guess) {
   const std::size_t cameras = rig.cameras.size();
   const Eigen::Vector3d ahead = guess.T_world_cam[0].rotation.col(2);
-  Rigid T_world_guess{exp_so3({0, 0, -std::atan2(ahead.y(), ahead.x())}), Eigen::Vector3d::Zero()};
+  Rigid T_world_guess{exp_so3({0, 0, -elementary::atan2(ahead.y(), ahead.x())}),
+                      Eigen::Vector3d::Zero()};
   T_world_guess.translation = -(T_world_guess.rotation * guess.T_world_cam[0].translation);
   RigState state = unplaced(rig);
   for (std::size_t k = 0; k < cameras; ++k)

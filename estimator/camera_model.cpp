@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -125,7 +127,7 @@ std::optional<Eigen::Vector2d> project_kb4(const CameraModel& model, const Eigen
     return p;
   }
   const Eigen::Vector2d unit = point.head<2>() / radius;
-  const double angle = std::atan2(radius, point.z());
+  const double angle = elementary::atan2(radius, point.z());
   const auto [bent, slope] = bend_kb4(model.distortion, angle);
   if (J_distortion) {
     double power = angle;
@@ -174,7 +176,8 @@ std::optional<Eigen::Vector3d> ray_kb4(const CameraModel& model, const Eigen::Ve
     angle = next;
   }
   const Eigen::Vector2d unit = distorted / bent;
-  return Eigen::Vector3d(std::sin(angle) * unit.x(), std::sin(angle) * unit.y(), std::cos(angle));
+  return Eigen::Vector3d(elementary::sin(angle) * unit.x(), elementary::sin(angle) * unit.y(),
+                         elementary::cos(angle));
 }
 
 }  // namespace
@@ -208,9 +211,9 @@ std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pix
   if (lens == Lens::kb4) return ray_kb4(*this, distorted);
   const auto ray = ray_radtan(*this, distorted);
   if (!ray) return ray;
-  const double angle = std::atan2(ray->head<2>().norm(), ray->z());
+  const double radius = ray->head<2>().norm(), angle = elementary::atan2(radius, ray->z());
   const std::array<double, 3> radial{distortion[0], distortion[1], distortion[4]};
-  const bool grows = angle < 1.5 && surely_grows_to(std::tan(angle), radial.data(), 3);
+  const bool grows = angle < 1.5 && surely_grows_to(radius / ray->z(), radial.data(), 3);
   return grows || angle <= max_angle_rad() ? ray : std::nullopt;
 }
 
@@ -219,7 +222,7 @@ double CameraModel::max_angle_rad() const {
     return std::min(first_turning_point(distortion.data(), 4, std::numbers::pi), std::numbers::pi);
   const std::array<double, 3> radial{distortion[0], distortion[1], distortion[4]};
   const double limit = first_turning_point(radial.data(), 3, 10.0);
-  return std::isfinite(limit) ? std::atan(limit) : 0.5 * std::numbers::pi - 1e-3;
+  return std::isfinite(limit) ? elementary::atan2(limit, 1) : 0.5 * std::numbers::pi - 1e-3;
 }
 
 double& CameraModel::at(Intrinsic which) {

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -80,8 +82,8 @@ bool may_be_one(const Candidate& a, const Candidate& b, const Candidate& c) {
   const double angle_noise = 4.0 / std::max(b.ray.whitener.norm(), 1.0);
   const double change = (bc - ab).norm() / (0.5 * (ab_s + bc_s));
   // Perspective turns speed towards the camera into apparent acceleration: 2 v^2 / r^2 at most.
-  return change < max_acceleration_mps2 / range_m + 2 * std::pow(ab.norm(), 2) +
-                      4 * angle_noise / (ab_s * bc_s);
+  return change <
+         max_acceleration_mps2 / range_m + 2 * square(ab.norm()) + 4 * angle_noise / (ab_s * bc_s);
 }
 
 }  // namespace

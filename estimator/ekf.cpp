@@ -4,6 +4,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -45,15 +47,14 @@ void Ekf::reset_rig_covariance() {
     const RigLayout::Camera& camera = layout_.camera(k);
     if (camera.size == 0) continue;
     auto own = variance.segment(camera.start, camera.size);
-    own.head(camera.rotation).setConstant(std::pow(settings_.prior_position_m, 2));
-    own.segment(camera.rotation, k == 0 ? 2 : 3)
-        .setConstant(std::pow(settings_.prior_rotation_rad, 2));
-    if (camera.offset) own[*camera.offset] = std::pow(settings_.prior_offset_s, 2);
+    own.head(camera.rotation).setConstant(square(settings_.prior_position_m));
+    own.segment(camera.rotation, k == 0 ? 2 : 3).setConstant(square(settings_.prior_rotation_rad));
+    if (camera.offset) own[*camera.offset] = square(settings_.prior_offset_s);
     for (std::size_t i = 0; i < camera.intrinsics.size(); ++i)
       own[camera.lens + static_cast<int>(i)] =
-          std::pow(prior_sigma(camera.intrinsics[i], rig_.cameras[k].model), 2);
+          square(prior_sigma(camera.intrinsics[i], rig_.cameras[k].model));
   }
-  if (layout_.drag()) variance[*layout_.drag()] = std::pow(settings_.prior_drag_per_m, 2);
+  if (layout_.drag()) variance[*layout_.drag()] = square(settings_.prior_drag_per_m);
 }
 
 void Ekf::hold_rig() { covariance_.setZero(); }
@@ -65,10 +66,9 @@ void Ekf::start_throw(const BallState& ball) {
   covariance_.triangularView<Eigen::StrictlyUpper>() = covariance_.transpose();
   covariance_.topRows<ball_size>().setZero();
   covariance_.leftCols<ball_size>().setZero();
-  covariance_.diagonal().segment<3>(position).setConstant(
-      std::pow(settings_.prior_ball_position_m, 2));
+  covariance_.diagonal().segment<3>(position).setConstant(square(settings_.prior_ball_position_m));
   covariance_.diagonal().segment<3>(velocity).setConstant(
-      std::pow(settings_.prior_ball_velocity_mps, 2));
+      square(settings_.prior_ball_velocity_mps));
 }
 
 void Ekf::propagate_covariance(const Propagation& step) {
@@ -117,7 +117,7 @@ void Ekf::predict(double time_s) {
 
   const double elapsed_s = std::abs(step_s);
   covariance_.diagonal().segment<3>(velocity).array() +=
-      std::pow(settings_.process_acceleration_mps2, 2) * elapsed_s;
+      square(settings_.process_acceleration_mps2) * elapsed_s;
   if (settings_.pseudo_noise_variance > 0)
     covariance_.diagonal().tail(layout_.size()).array() +=
         settings_.pseudo_noise_variance * elapsed_s;
@@ -157,7 +157,7 @@ void Ekf::update(const TimedSighting& sighting) {
   }
   Eigen::Matrix2d innovation = model_.J_position.lazyProduct(cross_.middleRows<3>(position)) +
                                J_camera_.lazyProduct(cross_.middleRows(at, camera.size));
-  innovation.diagonal().array() += std::pow(settings_.noise_rad * rig_.cameras[k].model.fx_px, 2);
+  innovation.diagonal().array() += square(settings_.noise_rad * rig_.cameras[k].model.fx_px);
   const Eigen::Matrix2d inverse = innovation.inverse();
   const double distance = std::sqrt(model_.residual_px.dot(inverse * model_.residual_px));
   if (!std::isfinite(distance)) return;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -67,7 +69,7 @@ CameraAlignment first_guess(std::span<const FlightPair> pairs, const std::vector
     agree(s.a.velocity_mps, s.b.velocity_mps);
     agree(s.a.position_m - mean_a, s.b.position_m - mean_b);
   }
-  const Rigid heading{exp_so3({0, 0, std::atan2(cross, dot)}), Eigen::Vector3d::Zero()};
+  const Rigid heading{exp_so3({0, 0, elementary::atan2(cross, dot)}), Eigen::Vector3d::Zero()};
   out.T_a_b = Rigid{L_a.transpose(), Eigen::Vector3d::Zero()} *
               Rigid{heading.rotation, mean_a - heading.rotation * mean_b} *
               Rigid{L_b, Eigen::Vector3d::Zero()};

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "estimator/candidate_linker.h"
+#include "estimator/elementary.h"
 #include "estimator/flight_growth.h"
 #include "estimator/noise_estimate.h"
 
@@ -92,7 +93,7 @@ struct FlightFinder::State {
   }
 
   void learn_drag() {
-    double weight = 1.0 / std::pow(sigma_unknown_drag_per_m, 2), sum = weight * start_drag_per_m;
+    double weight = 1.0 / square(sigma_unknown_drag_per_m), sum = weight * start_drag_per_m;
     for (const CameraFlight& f : flights) {
       // Each fit held the prior of its day: what it added itself is the rest.
       const double var = f.covariance(9, 9);

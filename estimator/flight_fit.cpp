@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "estimator/elementary.h"
 #include "estimator/ray_fit.h"
 
 namespace throwcal {
@@ -70,7 +71,7 @@ class Fit {
 
   bool solve(FlightUnknowns& x) const { return descend(problem(), x); }
 
-  double limit() const { return std::pow(settings_.outlier_sigmas * scale_, 2); }
+  double limit() const { return square(settings_.outlier_sigmas * scale_); }
 
   void measure_scale(const FlightUnknowns& x) {
     if (settings_.noise_known) return;
@@ -243,7 +244,7 @@ std::optional<CameraFlight> fit_flight(const CameraModel& model,
 }
 
 std::optional<GravityEstimate> estimate_gravity(std::span<const CameraFlight> flights) {
-  const double near = std::cos(10.0 * std::numbers::pi / 180.0);
+  const double near = elementary::cos(10.0 * std::numbers::pi / 180.0);
   std::optional<GravityEstimate> best;
   double heaviest = 0.0;
   for (const CameraFlight& centre : flights) {
@@ -258,11 +259,10 @@ std::optional<GravityEstimate> estimate_gravity(std::span<const CameraFlight> fl
       // choice of the cluster (a false flight may look very sure of itself).
       const double g = f.gravity_cam_mps2.norm();
       const Eigen::Matrix3d cov = f.covariance.block<3, 3>(6, 6);
-      const Eigen::Matrix3d W =
-          (cov + std::pow(1e-3 * g, 2) * Eigen::Matrix3d::Identity()).inverse();
+      const Eigen::Matrix3d W = (cov + square(1e-3 * g) * Eigen::Matrix3d::Identity()).inverse();
       information += W;
       sum += W * f.gravity_cam_mps2;
-      weight += 1.0 / (cov.trace() + std::pow(2e-2 * g, 2));
+      weight += 1.0 / (cov.trace() + square(2e-2 * g));
       ++count;
     }
     if (weight <= heaviest) continue;

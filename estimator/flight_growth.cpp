@@ -6,6 +6,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -28,8 +30,7 @@ constexpr double excess_sigmas = 3.0;
 /// By how much a candidate's errors exceed what it states.
 double noise_factor(const FlightKnowledge& knowledge, const Candidate& candidate) {
   const double var_px2 = 0.5 * candidate.sighting.cov_px2.trace();
-  return std::sqrt(std::pow(knowledge.noise_scale, 2) +
-                   std::pow(knowledge.slow_error_px, 2) / var_px2);
+  return std::sqrt(square(knowledge.noise_scale) + square(knowledge.slow_error_px) / var_px2);
 }
 
 std::vector<TimedRay> rays_of(const CandidateHistory& history, std::span<const CandidateRef> points,
@@ -193,7 +194,7 @@ bool has_the_balls_size(const CandidateHistory& history, const GrownFlight& flig
     const Candidate& c = history.at(ref);
     if (!c.range_m) continue;
     log_ratios.push_back(
-        std::log(flight.fit.at(c.ray.time_s - epoch_s).position_m.norm() / *c.range_m));
+        elementary::log(flight.fit.at(c.ray.time_s - epoch_s).position_m.norm() / *c.range_m));
   }
   if (log_ratios.empty()) return true;
   const auto middle = log_ratios.begin() + static_cast<std::ptrdiff_t>(log_ratios.size() / 2);
@@ -228,7 +229,7 @@ bool is_plausible(const CandidateHistory& history, const GrownFlight& flight) {
   const double range = fit.position_cam_m.norm();
   const Eigen::Vector3d ray = fit.position_cam_m / range;
   const double var_depth = ray.dot(fit.covariance.topLeftCorner<3, 3>() * ray);
-  if (var_depth > std::pow(max_relative_sigma_depth * range, 2)) return false;
+  if (var_depth > square(max_relative_sigma_depth * range)) return false;
   return has_the_balls_size(history, flight);
 }
 

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "estimator/elementary.h"
 #include "estimator/flight_path.h"
 
 namespace throwcal {
@@ -148,7 +149,7 @@ std::vector<BallState> releases(const RigDescription& rig, const std::vector<Tim
         for (const auto& [across, up] : speeds) {
           const double angle = turn * std::numbers::pi / 4;
           out.push_back({{centre.x() + x * reach.x(), centre.y() + y * reach.y(), height / count},
-                         {across * std::cos(angle), across * std::sin(angle), up}});
+                         {across * elementary::cos(angle), across * elementary::sin(angle), up}});
         }
   return out;
 }
@@ -205,8 +206,9 @@ std::string in_words(const RigDescription& rig, const Refinement& at, const Next
       p.x(), rig.cameras[0].name.c_str(), std::abs(p.y()), p.y() >= 0 ? "left" : "right",
       std::abs(p.z()), p.z() >= 0 ? "above" : "below",
       camera_ahead(rig, at.solution.rig, {p, v}).c_str(),
-      std::abs(std::atan2(v.y(), v.x())) * 180 / std::numbers::pi, v.y() >= 0 ? "left" : "right",
-      v.norm(), std::atan2(v.z(), std::hypot(v.x(), v.y())) * 180 / std::numbers::pi,
+      std::abs(elementary::atan2(v.y(), v.x())) * 180 / std::numbers::pi,
+      v.y() >= 0 ? "left" : "right", v.norm(),
+      elementary::atan2(v.z(), v.head<2>().norm()) * 180 / std::numbers::pi,
       rig.cameras[t.camera].name.c_str(), 1e3 * t.sigma_position_m, 1e3 * t.sigma_rotation_rad,
       1e3 * t.expected_sigma_position_m, 1e3 * t.expected_sigma_rotation_rad);
   return text;

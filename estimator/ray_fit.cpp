@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -117,7 +119,7 @@ double cost(const RayProblem& problem, const FlightUnknowns& x) {
   double sum = 0.0;
   for (std::size_t i = 0; i < r2.size(); ++i)
     if (problem.used[i]) sum += huber_cost(r2[i] / (problem.noise_scale * problem.noise_scale));
-  if (x.drags) sum += std::pow((x.drag - problem.prior.drag) / problem.prior.sigma_drag, 2);
+  if (x.drags) sum += square((x.drag - problem.prior.drag) / problem.prior.sigma_drag);
   if (x.tilts && problem.prior.sigma_gravity_rad > 0)
     sum += gravity_error(problem.prior, x).squaredNorm();
   return sum;

@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 namespace {
 
@@ -148,7 +150,7 @@ bool follow_medians(const Problem& p, Refinement& at) {
   for (std::size_t k = 0; k < sizes.size(); ++k) {
     const double least = p.rig.cameras[k].sigma_px ? 1.0 : 1e-6;
     const double scale = std::max(1.4826 * median(std::move(sizes[k])), least);
-    change = std::max(change, std::abs(std::log(scale / at.weighting.noise_scale[k])));
+    change = std::max(change, std::abs(elementary::log(scale / at.weighting.noise_scale[k])));
     at.weighting.noise_scale[k] = scale;
   }
   return change > 0.2;
@@ -194,7 +196,7 @@ bool gate(const Problem& p, Refinement& at) {
   double gated = 0.0, total = 0.0;
   for_each(p.throws, [&](std::size_t j, std::size_t i, CameraId k) {
     if (!used[j][i]) return;
-    const double limit = p.settings.gate_chi2 * std::pow(at.weighting.noise_scale[k], 2);
+    const double limit = p.settings.gate_chi2 * square(at.weighting.noise_scale[k]);
     used[j][i] = at.residuals[j][i].squaredNorm() <= limit;  // false for NaN
     gated += !used[j][i], total += 1;
   });

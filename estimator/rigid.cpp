@@ -5,6 +5,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "estimator/elementary.h"
+
 namespace throwcal {
 
 Eigen::Matrix3d exp_so3(const Eigen::Vector3d& rotation_vector) {
@@ -15,8 +17,8 @@ Eigen::Matrix3d exp_so3(const Eigen::Vector3d& rotation_vector) {
     versine = 0.5 * (1 - angle2 / 12 * (1 - angle2 / 30 * (1 - angle2 / 56 * (1 - angle2 / 90))));
   } else {
     const double angle = std::sqrt(angle2);
-    sinc = std::sin(angle) / angle;
-    versine = (1 - std::cos(angle)) / angle2;
+    sinc = elementary::sin(angle) / angle;
+    versine = (1 - elementary::cos(angle)) / angle2;
   }
   const Eigen::Matrix3d turn = skew(rotation_vector);
   Eigen::Matrix3d out = versine * turn.lazyProduct(turn) + sinc * turn;
@@ -31,7 +33,7 @@ Eigen::Vector3d log_so3(const Eigen::Matrix3d& rotation) {
   if (q.w() < 0) q.coeffs() = -q.coeffs();
   const double sine = q.vec().norm();
   if (sine < 1e-12) return 2.0 * q.vec();
-  return 2.0 * std::atan2(sine, q.w()) / sine * q.vec();
+  return 2.0 * elementary::atan2(sine, q.w()) / sine * q.vec();
 }
 
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix) {

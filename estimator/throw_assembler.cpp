@@ -136,8 +136,8 @@ CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector
     if (track.camera == camera)
       parts.push_back(as_part(description.model, track, settings_for(rig)));
   std::erase_if(parts, [](const ThrowPart& part) { return part.rays.empty(); });
-  std::sort(parts.begin(), parts.end(),
-            [](const ThrowPart& a, const ThrowPart& b) { return a.epoch < b.epoch; });
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const ThrowPart& a, const ThrowPart& b) { return a.epoch < b.epoch; });
   if (!description.sigma_px) correct_noise(parts, fits);
   join_pieces(parts, fits);
   std::vector<CameraFlight> alone;
@@ -207,8 +207,8 @@ std::vector<Agreement> agreements(const std::vector<CameraView>& views, const Ca
       const double chi2 = mismatch_chi2(*alignment, a, b);
       if (chi2 < settings.gate_chi2) out.push_back({chi2, p, q});
     }
-  std::sort(out.begin(), out.end(),
-            [](const Agreement& a, const Agreement& b) { return a.chi2 < b.chi2; });
+  std::stable_sort(out.begin(), out.end(),
+                   [](const Agreement& a, const Agreement& b) { return a.chi2 < b.chi2; });
   return out;
 }
 
@@ -271,8 +271,8 @@ Throw as_throw(std::vector<ThrowPart> parts, PartFits& fits) {
   cut_edges(parts, fits);
   Throw out;
   for (ThrowPart& part : parts) out.tracks.push_back(std::move(part.track));
-  std::sort(out.tracks.begin(), out.tracks.end(),
-            [](const Track& a, const Track& b) { return a.camera < b.camera; });
+  std::stable_sort(out.tracks.begin(), out.tracks.end(),
+                   [](const Track& a, const Track& b) { return a.camera < b.camera; });
   return out;
 }
 
@@ -286,7 +286,7 @@ void ThrowAssembler::add(Track track) {
 }
 
 std::vector<Throw> ThrowAssembler::assemble() {
-  std::ranges::sort(tracks_, {}, [](const Track& track) {
+  std::ranges::stable_sort(tracks_, {}, [](const Track& track) {
     return std::pair(track.sightings.front().time, track.camera);
   });
   std::vector<CameraView> views;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "estimator/elementary.h"
 #include "estimator/observability.h"
 
 namespace throwcal {
@@ -44,7 +45,7 @@ std::vector<CameraFit> fit_of_cameras(const RigDescription& rig,
       }
       const Eigen::Vector2d& r = at.residuals[j][i];
       ++camera.used;
-      camera.chi2 += r.squaredNorm() / std::pow(at.weighting.noise_scale[s.camera], 2);
+      camera.chi2 += r.squaredNorm() / square(at.weighting.noise_scale[s.camera]);
       camera.squares_px += (s.whitening.inverse() * r).squaredNorm();
       if (const auto* last = std::exchange(before[s.camera], &r)) {
         camera.products += last->dot(r),
@@ -123,7 +124,8 @@ std::vector<std::string> short_of_target(const RigDescription& rig, const Refine
 
 double chi2_quantile(double degrees_of_freedom, double normal_quantile) {
   const double spread = 2.0 / (9.0 * degrees_of_freedom);
-  return degrees_of_freedom * std::pow(1.0 - spread + normal_quantile * std::sqrt(spread), 3);
+  const double root = 1.0 - spread + normal_quantile * std::sqrt(spread);
+  return degrees_of_freedom * root * root * root;
 }
 
 Judgement judge(const RigDescription& rig, const std::vector<TimedThrow>& throws,
