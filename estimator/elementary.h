@@ -5,9 +5,9 @@ namespace throwcal {
 
 constexpr double square(double x) { return x * x; }
 
-/// What the C library's mathematics is to others: the estimator's own, for a library's last bit
-/// depends on its version and on the processor. Only + - * / and square roots, which IEEE 754 fixes
-/// to the bit, in an order that no compiler may change; so every machine gives the same.
+/// The estimator's own, for a C library's differ in the last bit by version and by processor. These
+/// use + - * / and exact functions only, which IEEE 754 fixes to the bit, so every machine gives
+/// the same.
 namespace elementary {
 
 /// Wrong by less than a unit in the last place; beyond 3000 rad by half of the argument's own.
