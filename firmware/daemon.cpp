@@ -108,7 +108,15 @@ void Daemon::open_http() {
   http_.emplace(loop_, *config_.http.listen, rpc_,
                 HttpSources{names, preview, [this] { return metrics(); },
                             [this] { return support_bundle(rpc_, config_, metrics()); },
-                            [this](std::int64_t session) { return store_.file_of(session); }});
+                            [this](std::int64_t session) { return session_file(session); }});
+}
+
+std::optional<std::filesystem::path> Daemon::session_file(std::int64_t session) const {
+  try {
+    return store_.file_of(session);
+  } catch (const StoreError& error) {
+    throw RpcError(rpc_refused, error.what());
+  }
 }
 
 std::string Daemon::metrics() {

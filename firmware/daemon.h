@@ -56,6 +56,8 @@ class Daemon {
   JsonRpc::Json camera_list() const;
   JsonRpc::Json system_info() const;
   const Store& store() const { return store_; }
+  /// Of a session that is over; nothing of others. Refused where it is not whole.
+  std::optional<std::filesystem::path> session_file(std::int64_t session) const;
 
  private:
   void resume_unsolved();

@@ -86,13 +86,6 @@ HttpReply method_not_allowed(const std::string& allowed) {
   return reply;
 }
 
-/// A session's file whose last writes lie in SQLite's log beside it is not whole.
-bool has_log(const std::filesystem::path& file) {
-  std::error_code none;
-  return std::filesystem::exists(file.string() + "-wal", none) ||
-         std::filesystem::exists(file.string() + "-journal", none);
-}
-
 }  // namespace
 
 std::vector<HttpRoutes::Route> HttpRoutes::routes() {
@@ -255,10 +248,6 @@ HttpReply HttpRoutes::session_file(const HttpRequest& request, const std::string
   document_of({}, "session.get", {{"session", id_in(id)}});
   const auto path = sources_.session_file(id_in(id).get<std::int64_t>());
   if (!path) throw RpcError(rpc_refused, "session " + id + " is under way: stop it first");
-  if (has_log(*path))
-    throw RpcError(rpc_refused, "session " + id +
-                                    "'s file is not whole, its last writes lie in a log beside "
-                                    "it; they are taken in when the box starts");
   HttpReply reply{.content_type = "application/vnd.sqlite3"};
   reply.headers.emplace_back("Content-Disposition",
                              "attachment; filename=\"" + path->filename().string() + "\"");

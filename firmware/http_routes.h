@@ -19,7 +19,7 @@ struct HttpSources {
   /// A camera's newest picture; null where there is none.
   std::function<std::shared_ptr<const Preview>(CameraId)> preview;
   std::function<std::string()> metrics, support_bundle;
-  /// Of a session that is over; nothing of others.
+  /// Of a session that is over; nothing of others. Throws RpcError where it is not whole.
   std::function<std::optional<std::filesystem::path>(std::int64_t session)> session_file;
 };
 

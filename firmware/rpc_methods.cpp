@@ -46,16 +46,11 @@ bool ends_itself(const Json& params) {
 }
 
 /// A part of a session's file, which may be large: from `offset` on.
-Json read_part(const Store& store, const Json& params) {
+Json read_part(const Daemon& daemon, const Json& params) {
   const std::int64_t session = required_session(params);
   const std::int64_t offset =
       params.contains("offset") ? required_number(params, "offset", "the last part") : 0;
-  std::optional<std::filesystem::path> file;
-  try {
-    file = store.file_of(session);
-  } catch (const StoreError& error) {
-    throw RpcError(rpc_refused, error.what());
-  }
+  const auto file = daemon.session_file(session);
   if (!file)
     throw RpcError(rpc_refused, "session " + std::to_string(session) +
                                     " is not there, or is under way: stop it first");
@@ -102,8 +97,7 @@ void add_methods(JsonRpc& rpc, Daemon& daemon) {
     const std::int64_t id = required_session(params);
     return found(daemon.store().session(id), "there is no session " + std::to_string(id));
   });
-  rpc.add("session.read",
-          [&](const Json& params, Caller&) { return read_part(daemon.store(), params); });
+  rpc.add("session.read", [&](const Json& params, Caller&) { return read_part(daemon, params); });
   rpc.add_change("session.delete", [&](const Json& params, Caller&) {
     return daemon.delete_session(required_session(params));
   });
