@@ -355,6 +355,7 @@ def the_support_bundle_is_whole_and_tells_no_secret(the_box, folder) -> None:
         "status.json",
         "system.json",
         "cameras.json",
+        "sessions.json",
         "calibrations.json",
         "calibration-latest.json",
         "rig.toml",
