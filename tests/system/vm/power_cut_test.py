@@ -17,7 +17,7 @@ import time
 import vm
 
 KERNELS, CUTS = ((12, 13), 25) if os.environ.get("THROWCAL_LONG") else ((13,), 2)
-MOST_TELLINGS = 4  # a life is cut soon after so many of them, at random; none: at any time
+MOST_TELLINGS = 12  # a life is cut soon after so many of them, at random; none: at any time
 SOON_S, ANY_TIME_S, PATIENCE_S = 3.0, 25.0, 240
 RIG = ("--cameras", "2", "--width", "160", "--height", "120", "--focal", "120", "--fps", "30", "--seed", "3")
 
