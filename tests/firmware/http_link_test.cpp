@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cerrno>
 #include <fstream>
+#include <functional>
 #include <set>
 #include <thread>
 
@@ -54,9 +55,11 @@ struct Site {
   }
 };
 
-/// Runs the loop until the client's thread is done; its socket is closed then.
+/// Runs the loop until the client's thread is done, its socket closed, and the link as wanted.
 template <typename Client>
-void run_beside(Site& site, int fd, Client client) {
+void run_beside(
+    Site& site, int fd, Client client,
+    const std::function<bool()>& is_as_wanted = [] { return true; }) {
   std::atomic<bool> done = false;
   std::thread thread([&] {
     client();
@@ -64,7 +67,8 @@ void run_beside(Site& site, int fd, Client client) {
     done = true;
   });
   EventLoop::Source watch;
-  watch = site.loop.on_timer(1ms, [&] { done ? site.loop.quit() : watch.after(1ms); });
+  watch =
+      site.loop.on_timer(1ms, [&] { done&& is_as_wanted() ? site.loop.quit() : watch.after(1ms); });
   site.loop.run();
   thread.join();
 }
@@ -107,18 +111,20 @@ TEST(HttpLink, ARequestThatNeverEndsIsCutOff) {
   settings.request = 1s;
   const auto link = site.link(settings);
   const int fd = connected(link->port());
-  std::string got;
-  run_beside(site, fd, [&] {  // a byte now and then, so that it is never idle
+  bool was_cut_off = false;
+  const auto client = [&] {  // a byte now and then, so that it is never idle
     say(fd, "GET / HTTP/1.1\r\nHost: box\r\nX-Slow: ");
     char byte = 0;
-    while (send(fd, "x", 1, MSG_NOSIGNAL) == 1) {
+    while (!was_cut_off) {
       timeval patience{.tv_sec = 0, .tv_usec = 100'000};
       setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+      const bool is_sent = send(fd, "x", 1, MSG_NOSIGNAL) == 1;
       const ssize_t count = recv(fd, &byte, 1, 0);
-      if (count == 0 || (count < 0 && errno != EAGAIN)) break;
+      was_cut_off = !is_sent || count == 0 || (count < 0 && errno != EAGAIN);
     }
-  });
-  EXPECT_EQ(link->connections(), 0u);
+  };
+  run_beside(site, fd, client, [&] { return link->connections() == 0; });
+  EXPECT_TRUE(was_cut_off);
 }
 
 TEST(HttpLink, AStreamWithoutNewsHasAHeartbeat) {
