@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 /// be a bird. An arc after a bounce is not waited for.
 constexpr HostClock::duration longest_wait = 300ms;
 /// Of the time between calibrations, so that frames never pile up behind them.
-constexpr int rest_per_work = 2;
+constexpr int rest_per_work = 1;
 
 /// A flight that begins this soon after another ends is the same throw, bounced.
 constexpr HostClock::duration longest_bounce = 300ms;
