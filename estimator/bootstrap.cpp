@@ -125,14 +125,16 @@ bool place_next(const RigDescription& rig, const FlightTable& flights, RigState&
 
 }  // namespace
 
-FlightTable fit_all_flights(const RigDescription& rig, const std::vector<Throw>& throws) {
+FlightTable fit_all_flights(const RigDescription& rig, const std::vector<Throw>& throws,
+                            FitMemory& fits) {
   FlightTable out(throws.size(), std::vector<std::optional<CameraFlight>>(rig.cameras.size()));
   for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
     std::vector<Track> tracks(throws.size(), Track{static_cast<CameraId>(k), {}});
     for (std::size_t j = 0; j < throws.size(); ++j)
       for (const Track& track : throws[j].tracks)
         if (track.camera == k) tracks[j] = thinned(track, rig.cameras[k]);
-    auto fitted = fit_flights(rig.cameras[k].model, tracks, fit_settings(rig, rig.cameras[k]));
+    auto fitted =
+        fit_flights(rig.cameras[k].model, tracks, fit_settings(rig, rig.cameras[k]), fits);
     for (std::size_t j = 0; j < throws.size(); ++j) out[j][k] = std::move(fitted[j]);
   }
   return out;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "estimator/calibrate.h"
-#include "estimator/flight_fit.h"
+#include "estimator/fit_memory.h"
 #include "estimator/super_state.h"
 #include "estimator/throw_set.h"
 
@@ -15,7 +15,8 @@ namespace throwcal {
 /// sightings fix none.
 using FlightTable = std::vector<std::vector<std::optional<CameraFlight>>>;
 
-FlightTable fit_all_flights(const RigDescription& rig, const std::vector<Throw>& throws);
+FlightTable fit_all_flights(const RigDescription& rig, const std::vector<Throw>& throws,
+                            FitMemory& fits);
 
 /// First rig from flights that several cameras saw; no guess needed. One camera alone fixes a
 /// flight in its own frame, metric and with the vertical; flights that two cameras share give the

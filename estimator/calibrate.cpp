@@ -32,7 +32,10 @@ Candidate candidate_of(const Start& start, const std::vector<TimedThrow>& throws
 std::vector<Candidate> candidates(const RigDescription& rig, const std::vector<Throw>& throws,
                                   const CalibrateSettings& settings) {
   const std::vector<TimedThrow> timed = time_throws(rig, throws);
-  const FlightTable flights = fit_all_flights(rig, throws);
+  FitMemory own;
+  FitMemory& fits = settings.fits ? *settings.fits : own;
+  const FlightTable flights = fit_all_flights(rig, throws, fits);
+  fits.forget_unused();
   std::vector<Candidate> out;
   if (settings.guess)
     out.push_back(candidate_of(start_from_guess(rig, timed, flights, *settings.guess), timed));

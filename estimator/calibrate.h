@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimator/calibration.h"
+#include "estimator/fit_memory.h"
 #include "estimator/observation.h"
 #include "estimator/rig_description.h"
 
@@ -22,6 +23,9 @@ struct CalibrateSettings {
   std::optional<Guess> guess;
   std::function<void(double fraction_done)>
       progress;  ///< called now and then from the same thread, 0 to 1
+  /// What was fitted for the call before; with the same rig and a throw more it is the same result,
+  /// sooner.
+  FitMemory* fits = nullptr;
 };
 
 /// The one door: from throws to every camera's position and orientation. Never throws on what the

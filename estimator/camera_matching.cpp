@@ -97,8 +97,10 @@ std::optional<CameraMatch> match_cameras(std::span<const CameraFlight> a,
     CameraMatch match;
     for (int round = 0; alignment && round < 3; ++round) {
       match.alignment = *alignment;
-      match.pairs = inliers(a, b, possible, *alignment, settings.gate_chi2, &match.score);
-      if (match.pairs.empty()) break;
+      Pairs pairs = inliers(a, b, possible, *alignment, settings.gate_chi2, &match.score);
+      const bool is_settled = pairs == match.pairs;
+      match.pairs = std::move(pairs);
+      if (is_settled || match.pairs.empty()) break;
       alignment = align(a, b, match.pairs, settings);
     }
     if (!alignment || match.pairs.empty() || (best && match.score <= best->score)) continue;

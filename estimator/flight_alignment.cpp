@@ -17,7 +17,7 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int max_steps = 15;
-constexpr std::size_t most_tried = 16;
+constexpr std::size_t most_tried = 16, most_weighed = 24;
 
 double common_moment_s(const CameraFlight& a, const CameraFlight& b, double b_epoch_on_a_s) {
   const double low = std::max(a.first_s, b.first_s + b_epoch_on_a_s);
@@ -116,15 +116,27 @@ bool refine(std::span<const FlightPair> pairs, const std::vector<bool>& picked,
          std::sqrt(x.covariance(0, 0)) < settings.max_sigma_heading_rad;
 }
 
-double truncated_cost(std::span<const FlightPair> pairs, const CameraAlignment& x, double gate) {
+std::vector<double> mismatches(std::span<const FlightPair> pairs, const CameraAlignment& x) {
+  std::vector<double> out;
+  for (const auto& [a, b] : pairs) out.push_back(mismatch_chi2(x, a, b));
+  return out;
+}
+
+std::vector<bool> within(double gate, const std::vector<double>& chi2) {
+  std::vector<bool> out;
+  for (double value : chi2) out.push_back(value <= gate);
+  return out;
+}
+
+double truncated_sum(const std::vector<double>& chi2, double gate) {
   double sum = 0.0;
-  for (const auto& [a, b] : pairs) sum += std::min(mismatch_chi2(x, a, b), gate);
+  for (double value : chi2) sum += std::min(value, gate);
   return sum;
 }
 
 /// All pairs, each alone, and each two neighbours together (two drops at different places have a
 /// heading that neither has alone). Of many pairs some, spread over all: that none of them is right
-/// where most pairs are does not happen, and the cost stays linear in the pairs.
+/// where most pairs are does not happen.
 std::vector<std::vector<bool>> hypotheses(std::size_t count) {
   std::vector<std::vector<bool>> out{std::vector<bool>(count, true)};
   const std::size_t tried = count > 1 ? std::min(count, most_tried) : 0;
@@ -204,29 +216,34 @@ double mismatch_chi2(const CameraAlignment& alignment, const CameraFlight& a,
 
 std::optional<CameraAlignment> align_cameras(std::span<const FlightPair> shared,
                                              const AlignmentSettings& settings) {
+  if (shared.empty()) return std::nullopt;
+  if (shared.size() > most_weighed) {
+    std::vector<FlightPair> spread;
+    for (std::size_t n = 0; n < most_weighed; ++n)
+      spread.push_back(shared[n * shared.size() / most_weighed]);
+    auto found = align_cameras(spread, settings);
+    if (found) found->used = within(settings.gate_chi2, mismatches(shared, *found));
+    return found;
+  }
   std::optional<CameraAlignment> best;
   double lowest = std::numeric_limits<double>::infinity();
   for (const std::vector<bool>& picked : hypotheses(shared.size())) {
-    if (shared.empty()) break;
     CameraAlignment x = first_guess(shared, picked, settings);
     if (!refine(shared, picked, settings, x)) continue;
-    const double c = truncated_cost(shared, x, settings.gate_chi2);
-    if (c >= lowest) continue;
-    lowest = c;
+    const std::vector<double> chi2 = mismatches(shared, x);
+    const double sum = truncated_sum(chi2, settings.gate_chi2);
+    if (sum >= lowest) continue;
+    lowest = sum;
     best = x;
+    best->used = picked;
     // All agree: no subset explains more. (The first hypothesis is all pairs.)
-    if (std::all_of(shared.begin(), shared.end(), [&](const FlightPair& pair) {
-          return mismatch_chi2(x, pair.first, pair.second) <= settings.gate_chi2;
-        }))
-      break;
+    if (std::ranges::max(chi2) <= settings.gate_chi2) break;
   }
   for (int round = 0; best && round < 3; ++round) {
-    best->used.assign(shared.size(), false);
-    for (std::size_t i = 0; i < shared.size(); ++i)
-      best->used[i] = mismatch_chi2(*best, shared[i].first, shared[i].second) <= settings.gate_chi2;
-    const auto any = std::find(best->used.begin(), best->used.end(), true);
-    if (any == best->used.end() || !refine(shared, std::vector<bool>(best->used), settings, *best))
-      best.reset();
+    const auto used = within(settings.gate_chi2, mismatches(shared, *best));
+    if (used == best->used) break;
+    best->used = used;
+    if (std::ranges::count(used, true) == 0 || !refine(shared, used, settings, *best)) best.reset();
   }
   return best;
 }

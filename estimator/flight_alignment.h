@@ -40,8 +40,9 @@ struct AlignmentSettings {
 /// Relative pose and clock of two cameras from flights that both see; one is enough if it is no
 /// vertical drop. Apex times give the offset, horizontal velocities and positions the heading,
 /// positions the translation; weighted least squares over whole flights finishes. Survives wrong
-/// pairs as long as the right ones are more than any other set that agrees. Nothing where the
-/// heading stays unknown (drops from one spot) or no pair fits.
+/// pairs as long as the right ones are more than any other set that agrees. Of more than 24 pairs,
+/// 24 spread over all tell it: it is where the refinement starts, and that takes them all. Nothing
+/// where the heading stays unknown (drops from one spot) or no pair fits.
 std::optional<CameraAlignment> align_cameras(std::span<const FlightPair> shared,
                                              const AlignmentSettings& settings = {});
 

@@ -281,18 +281,4 @@ std::optional<Eigen::Vector3d> mean_gravity(std::span<const CameraFlight> flight
   return estimate ? std::optional(estimate->gravity_cam_mps2) : std::nullopt;
 }
 
-std::vector<std::optional<CameraFlight>> fit_flights(const CameraModel& model,
-                                                     std::span<const Track> tracks,
-                                                     const FlightFitSettings& settings) {
-  std::vector<CameraFlight> alone;
-  for (const Track& track : tracks)
-    if (auto flight = fit_flight(model, track.sightings, settings))
-      alone.push_back(*std::move(flight));
-  FlightFitSettings levelled = settings;
-  if (!levelled.gravity_cam_mps2) levelled.gravity_cam_mps2 = mean_gravity(alone);
-  std::vector<std::optional<CameraFlight>> out;
-  for (const Track& track : tracks) out.push_back(fit_flight(model, track.sightings, levelled));
-  return out;
-}
-
 }  // namespace throwcal

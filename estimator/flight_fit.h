@@ -84,11 +84,4 @@ std::optional<GravityEstimate> estimate_gravity(std::span<const CameraFlight> fl
 /// Its mean alone [m/s^2]. Nothing without a flight.
 std::optional<Eigen::Vector3d> mean_gravity(std::span<const CameraFlight> flights);
 
-/// All flights of one camera: each alone, then again with the gravity that they agree on, which
-/// makes the fit linear and several times sharper. One entry a track; nothing where it is no
-/// flight.
-std::vector<std::optional<CameraFlight>> fit_flights(const CameraModel& model,
-                                                     std::span<const Track> tracks,
-                                                     const FlightFitSettings& settings = {});
-
 }  // namespace throwcal

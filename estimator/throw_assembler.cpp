@@ -3,8 +3,8 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <bit>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <span>
 #include <utility>
@@ -66,20 +66,12 @@ ThrowPart as_part(const CameraModel& model, const Track& track, const FlightFitS
   return out;
 }
 
-/// How many flights, in order of time, tell a camera's noise and gravity to the flight of an index:
-/// those up to it, roughly, or the first few where these are more. So one flight more does not
-/// change it, and the fits that rest on it stay.
-std::size_t informants(std::size_t index, std::size_t flights) {
-  constexpr std::size_t enough = 8;
-  return std::min(flights, std::max(enough, std::bit_floor(index + 1)));
-}
-
 /// Where the rig states no noise, a camera's flights tell it together.
-void correct_noise(std::vector<ThrowPart>& parts, PartFits& fits) {
+void correct_noise(std::vector<ThrowPart>& parts, FitMemory& fits) {
   std::vector<double> scales;
   for (ThrowPart& part : parts) {
     part.settings.noise_known = false;
-    if (const auto& flight = fits.of(part)) scales.push_back(flight->noise_scale);
+    if (const auto& flight = fit_of(part, fits)) scales.push_back(flight->noise_scale);
     part.settings.noise_known = true;
   }
   if (scales.empty()) return;
@@ -95,10 +87,14 @@ void correct_noise(std::vector<ThrowPart>& parts, PartFits& fits) {
 }
 
 /// Tracks that are pieces of one flight become one.
-void join_pieces(std::vector<ThrowPart>& parts, PartFits& fits) {
+void join_pieces(std::vector<ThrowPart>& parts, FitMemory& fits) {
   for (std::size_t i = 0; i + 1 < parts.size();) {
     const ThrowPart &a = parts[i], &b = parts[i + 1];
     const double gap_s = seconds(b.track.sightings.front().time - a.track.sightings.back().time);
+    if (!(gap_s > 0 && gap_s < max_piece_gap_s)) {
+      ++i;
+      continue;
+    }
     ThrowPart whole = a;
     whole.track.sightings.insert(whole.track.sightings.end(), b.track.sightings.begin(),
                                  b.track.sightings.end());
@@ -107,7 +103,7 @@ void join_pieces(std::vector<ThrowPart>& parts, PartFits& fits) {
       ray.time_s += seconds(b.epoch - a.epoch);
       whole.rays.push_back(ray);
     }
-    const auto flight = gap_s > 0 && gap_s < max_piece_gap_s ? fits.of(whole) : std::nullopt;
+    const auto& flight = fit_of(whole, fits);
     const auto kept = flight ? std::count(flight->used.begin(), flight->used.end(), true) : 0;
     if (!flight || flight->chi2 > max_joined_chi2_per_dof * flight->dof ||
         10 * kept < 9 * std::ssize(whole.rays)) {
@@ -127,36 +123,26 @@ bool is_clean(const CameraFlight& flight) {
 }
 
 /// Fits all tracks of a camera: each alone, then with the gravity that they agree on.
-CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector<Track>& tracks,
-                   PartFits& fits) {
-  const CameraDescription& description = rig.cameras[camera];
+CameraView view_of(const RigDescription& rig, CameraId camera, const std::vector<ThrowPart>& all,
+                   FitMemory& fits) {
   CameraView out;
   std::vector<ThrowPart> parts;
-  for (const Track& track : tracks)
-    if (track.camera == camera)
-      parts.push_back(as_part(description.model, track, settings_for(rig)));
-  std::erase_if(parts, [](const ThrowPart& part) { return part.rays.empty(); });
-  std::stable_sort(parts.begin(), parts.end(),
-                   [](const ThrowPart& a, const ThrowPart& b) { return a.epoch < b.epoch; });
-  if (!description.sigma_px) correct_noise(parts, fits);
+  std::ranges::copy_if(all, std::back_inserter(parts),
+                       [&](const ThrowPart& part) { return part.track.camera == camera; });
+  if (!rig.cameras[camera].sigma_px) correct_noise(parts, fits);
   join_pieces(parts, fits);
   std::vector<CameraFlight> alone;
   std::erase_if(parts, [&](const ThrowPart& part) {
-    const auto& flight = fits.of(part);
+    const auto& flight = fit_of(part, fits);
     const bool good = flight && is_clean(*flight);
     if (good) alone.push_back(*flight);
     return !good;
   });
-  std::optional<Eigen::Vector3d> gravity;
-  std::size_t told_by = 0;
+  const auto gravity = gravity_of_each(alone);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     ThrowPart& part = parts[i];
-    if (const std::size_t count = informants(i, alone.size()); count != told_by) {
-      gravity = mean_gravity(std::span(alone).first(count));
-      told_by = count;
-    }
-    part.settings.gravity_cam_mps2 = gravity;
-    const auto& flight = fits.of(part);
+    part.settings.gravity_cam_mps2 = gravity[i];
+    const auto& flight = fit_of(part, fits);
     if (!flight) continue;
     part.settings.sigma_gravity_rad = sigma_gravity_rad;  // from here on, ends are judged
     out.flights.push_back(*flight);
@@ -267,7 +253,7 @@ Assembly assemble_flights(const std::vector<CameraView>& views, const std::vecto
   return wider.flights >= 2 * out.flights ? wider : out;
 }
 
-Throw as_throw(std::vector<ThrowPart> parts, PartFits& fits) {
+Throw as_throw(std::vector<ThrowPart> parts, FitMemory& fits) {
   cut_edges(parts, fits);
   Throw out;
   for (ThrowPart& part : parts) out.tracks.push_back(std::move(part.track));
@@ -281,17 +267,17 @@ Throw as_throw(std::vector<ThrowPart> parts, PartFits& fits) {
 ThrowAssembler::ThrowAssembler(const RigDescription& rig, ThrowAssemblerSettings settings)
     : rig_(rig), settings_(settings) {}
 
-void ThrowAssembler::add(Track track) {
-  if (!track.sightings.empty()) tracks_.push_back(std::move(track));
+void ThrowAssembler::add(const Track& track) {
+  ThrowPart part = as_part(rig_.cameras.at(track.camera).model, track, settings_for(rig_));
+  if (!part.rays.empty()) parts_.push_back(std::move(part));
 }
 
 std::vector<Throw> ThrowAssembler::assemble() {
-  std::ranges::stable_sort(tracks_, {}, [](const Track& track) {
-    return std::pair(track.sightings.front().time, track.camera);
-  });
+  std::ranges::stable_sort(
+      parts_, {}, [](const ThrowPart& part) { return std::pair(part.epoch, part.track.camera); });
   std::vector<CameraView> views;
   for (CameraId camera = 0; camera < rig_.cameras.size(); ++camera)
-    views.push_back(view_of(rig_, camera, tracks_, fits_));
+    views.push_back(view_of(rig_, camera, parts_, fits_));
   const AlignmentSettings strict{.estimate_offset = rig_.estimate_offsets,
                                  .max_offset_s = settings_.max_offset_s};
 

@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "estimator/observation.h"
-#include "estimator/part_fits.h"
 #include "estimator/rig_description.h"
+#include "estimator/throw_part.h"
 
 namespace throwcal {
 
@@ -19,7 +19,7 @@ class ThrowAssembler {
  public:
   explicit ThrowAssembler(const RigDescription& rig, ThrowAssemblerSettings settings = {});
 
-  void add(Track track);
+  void add(const Track& track);
   /// All throws that the tracks so far make, ordered by time, named "1", "2", ... in that order. In
   /// whichever order the tracks came, the same tracks make the same throws.
   std::vector<Throw> assemble();
@@ -27,8 +27,8 @@ class ThrowAssembler {
  private:
   RigDescription rig_;
   ThrowAssemblerSettings settings_;
-  std::vector<Track> tracks_;
-  PartFits fits_;
+  std::vector<ThrowPart> parts_;  // a track each, as it came
+  FitMemory fits_;
 };
 
 }  // namespace throwcal

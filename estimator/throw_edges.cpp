@@ -38,9 +38,9 @@ std::size_t count_beyond(const ThrowPart& part, HostTime origin, double moment_s
   return n;
 }
 
-const std::optional<CameraFlight>& fit(PartFits& fits, const ThrowPart& part, std::size_t skip,
+const std::optional<CameraFlight>& fit(FitMemory& fits, const ThrowPart& part, std::size_t skip,
                                        bool front) {
-  return fits.of(part, front ? skip : 0, part.rays.size() - skip);
+  return fit_of(part, front ? skip : 0, part.rays.size() - skip, fits);
 }
 
 void drop(ThrowPart& part, std::size_t count, bool front) {
@@ -56,8 +56,8 @@ void drop(ThrowPart& part, std::size_t count, bool front) {
 }
 
 /// By how many sigmas what lies beyond a moment costs more than chance, over all cameras.
-double excess(const std::vector<ThrowPart>& parts, PartFits& fits, HostTime origin, double moment_s,
-              bool front) {
+double excess(const std::vector<ThrowPart>& parts, FitMemory& fits, HostTime origin,
+              double moment_s, bool front) {
   double cost = 0.0, freedom = 0.0;
   for (const ThrowPart& part : parts) {
     const std::size_t n = count_beyond(part, origin, moment_s, front);
@@ -74,7 +74,7 @@ double excess(const std::vector<ThrowPart>& parts, PartFits& fits, HostTime orig
 }
 
 /// True where anything was cut.
-bool cut(std::vector<ThrowPart>& parts, PartFits& fits, HostTime origin, double frame_s,
+bool cut(std::vector<ThrowPart>& parts, FitMemory& fits, HostTime origin, double frame_s,
          bool front) {
   bool has_cut = false;
   for (int round = 0; round < rounds; ++round) {
@@ -131,7 +131,7 @@ void drop_partial(ThrowPart& part, bool front) {
 
 }  // namespace
 
-void cut_edges(std::vector<ThrowPart>& parts, PartFits& fits) {
+void cut_edges(std::vector<ThrowPart>& parts, FitMemory& fits) {
   if (parts.empty()) return;
   const HostTime origin = parts.front().epoch;
   double frame_s = 0.0;

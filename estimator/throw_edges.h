@@ -2,7 +2,7 @@
 #pragma once
 #include <vector>
 
-#include "estimator/part_fits.h"
+#include "estimator/throw_part.h"
 
 namespace throwcal {
 
@@ -10,6 +10,6 @@ namespace throwcal {
 /// before release cannot be told by one camera, but all see it at the same moment. Cuts what costs
 /// more than chance allows, then leaves one more frame out as a guard at each end that was cut or
 /// is not clear.
-void cut_edges(std::vector<ThrowPart>& parts, PartFits& fits);
+void cut_edges(std::vector<ThrowPart>& parts, FitMemory& fits);
 
 }  // namespace throwcal

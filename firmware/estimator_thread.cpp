@@ -151,6 +151,7 @@ void EstimatorThread::obey(Order order, std::stop_token stop) {
       session_ = order.session;
       session_rig_ = std::move(order.rig);
       search_.emplace(session_rig_);
+      fits_ = {};
       for (Track& flight : order.flights) search_->add_flight(std::move(flight));
       break;
   }
@@ -162,6 +163,7 @@ void EstimatorThread::begin(std::int64_t session, std::stop_token stop) {
   session_ = session;
   session_rig_ = description_;
   search_.emplace(session_rig_);
+  fits_ = {};
   found_at_.reset();
   rested_at_ = HostTime::min();
   for (const FrameSightings& frame : std::exchange(remembered_, {}))
@@ -217,6 +219,7 @@ void EstimatorThread::calibrate_now(std::stop_token stop, bool last) {
   const std::vector<Throw> throws = search_->throws();
   if (throws.empty() && !last) return;
   CalibrateSettings settings;
+  settings.fits = &fits_;
   settings.progress = [&](double) {
     ++turns_;
     if (stop.stop_requested() || is_abandoned_) throw GivenUp{};

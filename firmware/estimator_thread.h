@@ -84,6 +84,7 @@ class EstimatorThread {
   std::deque<FrameSightings> remembered_;  // while there is no session: the last pre_trigger_
   HostTime newest_{};                      // of a frame remembered
   std::optional<ThrowSearch> search_;
+  FitMemory fits_;  // of the session's calibrations
   std::int64_t session_ = 0;
   RigDescription session_rig_;
   std::optional<HostTime> found_at_;      // when the first flight was that is in no calibration yet

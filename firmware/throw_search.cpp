@@ -22,7 +22,7 @@ std::vector<Track> ThrowSearch::keep(std::vector<Track> flights) {
 }
 
 void ThrowSearch::add_flight(Track flight) {
-  assembler_.add(std::move(flight));
+  assembler_.add(flight);
   ++flights_;
 }
 

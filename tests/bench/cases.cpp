@@ -19,7 +19,8 @@ Case four_cameras(bool free_running) {
            .start = {}};
   const auto& [rig, throws] = std::tie(out.thrown.rig, out.thrown.throws);
   out.throws = time_throws(rig, throws);
-  const auto start = bootstrap(rig, out.throws, fit_all_flights(rig, throws));
+  FitMemory fits;
+  const auto start = bootstrap(rig, out.throws, fit_all_flights(rig, throws, fits));
   if (!start) std::abort();
   out.start.rig = start->rig;
   for (const auto& ball : start->balls) out.start.balls.push_back(ball.value());

@@ -64,6 +64,30 @@ TEST(Calibrate, AThrowIsReportedWhereTheBallWasWhenItWasFirstSeen) {
   }
 }
 
+// A box calibrates after each throw; whoever repeats it, once.
+TEST(Calibrate, WhatWasFittedForEarlierThrowsChangesNothing) {
+  const Thrown thrown = make_thrown({.seed = 4, .throws = 20, .state_sigma = false});
+  FitMemory fits;
+  CalibrateSettings remembering;
+  remembering.fits = &fits;
+  std::vector<Throw> so_far;
+  for (const Throw& next : thrown.throws) {
+    so_far.push_back(next);
+    const Calibration at = calibrate(thrown.rig, so_far, remembering);
+    const Calibration once = calibrate(thrown.rig, so_far);
+    ASSERT_EQ(at.throws.size(), once.throws.size());
+    for (std::size_t k = 0; k < at.cameras.size(); ++k) {
+      ASSERT_EQ(at.cameras[k].T_world_cam.has_value(), once.cameras[k].T_world_cam.has_value());
+      if (!at.cameras[k].T_world_cam) continue;
+      EXPECT_EQ(at.cameras[k].T_world_cam->translation, once.cameras[k].T_world_cam->translation);
+      EXPECT_EQ(at.cameras[k].T_world_cam->rotation, once.cameras[k].T_world_cam->rotation);
+      EXPECT_EQ(at.cameras[k].covariance, once.cameras[k].covariance);
+      EXPECT_EQ(at.cameras[k].time_offset_s, once.cameras[k].time_offset_s);
+    }
+  }
+  EXPECT_EQ(calibrate(thrown.rig, so_far, remembering).throws.size(), thrown.throws.size());
+}
+
 TEST(Calibrate, NoThrowsIsNoCalibrationButAnExplanation) {
   const Calibration at = calibrate(make_thrown({}).rig, {});
   EXPECT_EQ(at.verdict, Verdict::unobservable);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/fit_memory.h"
 #include "tests/support/thrower.h"
 
 namespace throwcal {
@@ -152,7 +153,8 @@ TEST(FlightFit, ManyFlightsAgreeOnGravity) {
     for (const Track& track : thrown.tracks)
       if (track.camera == 1) tracks.push_back(track);
   ASSERT_GE(tracks.size(), 4u);
-  const auto flights = fit_flights(scene.rig.cameras[1].model, tracks);
+  FitMemory fits;
+  const auto flights = fit_flights(scene.rig.cameras[1].model, tracks, {}, fits);
   const Eigen::Vector3d down =
       scene.T_world_cam[1].rotation.transpose() * -Eigen::Vector3d::UnitZ();
   for (const auto& flight : flights) {
