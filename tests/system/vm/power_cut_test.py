@@ -53,7 +53,7 @@ def lives_end_by_a_power_cut(kernel: int, build: pathlib.Path, folder: pathlib.P
         shutil.copy(build.parent / name, share)
     shutil.copy(pathlib.Path(__file__).parent / "power_cut_client.py", share)
     (share / "run.sh").write_text(SCRIPT)
-    command = [pathlib.Path(__file__).parent / "run", "--kernel", str(kernel), "--timeout", "300", "--icount", "--disk", disk]
+    command = [pathlib.Path(__file__).parent / "run", "--kernel", str(kernel), "--timeout", "3000", "--icount", "--disk", disk]
     for life in range(CUTS + 1):
         is_last = life == CUTS
         (share / "what").write_text("look" if is_last else "")
