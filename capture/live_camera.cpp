@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "capture/live_camera.h"
 
+#include <pthread.h>
+
 #include <cstdio>
 #include <utility>
+
+#include "capture/grabber.h"
 
 namespace throwcal {
 namespace {
@@ -46,6 +50,13 @@ void LiveCamera::open_first() {
     if (!source_.may_be_missing || !may_pass(error))
       throw std::runtime_error("camera " + source_.name + ": " + error.what());
   }
+}
+
+void LiveCamera::start() {
+  sched_param first{};
+  first.sched_priority = 1;
+  pthread_setschedparam(pthread_self(), SCHED_RR, &first);  // not allowed: then as everybody
+  name_this_thread(name(), ".live");
 }
 
 CameraIdentity LiveCamera::identity() const {

@@ -32,7 +32,10 @@ class LiveCamera : public Camera {
   const std::string& name() const override { return source_.name; }
   Format format() const override { return format_; }
   CameraModel model() const override { return source_.model; }
-  void start() override {}  ///< with the first next(): its failure is one of many to survive
+  /// Its device starts with the first next(): its failure is one of many to survive. The thread
+  /// goes before all others (SCHED_RR) where the system allows it, for a driver's few buffers do
+  /// not wait; else somebody else may see to that, by its name, NAME.live.
+  void start() override;
   Outcome next(std::span<std::uint8_t> slot, Frame& frame) override;
   void interrupt() override { interrupted_.set(); }
   std::string error() const override { return error_; }

@@ -44,6 +44,7 @@ export THROWCAL_TOKEN=$(cat state/token)
 until ./throwcal capture start --host $host > out/start 2>&1; do sleep 0.2; done
 ./throwcal watch --until-throws {throws} --timeout 120 --host $host > out/watch 2>&1 || true
 ./throwcal status --json --host $host > out/status
+for task in /proc/$(pgrep -x throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done > out/threads
 ./throwcal capture stop --host $host > out/stop 2>&1 || true
 ./throwcal fetch --host $host --output out/calibration.json > out/fetch 2>&1 || true
 kill %2; wait %2
@@ -147,6 +148,10 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
         f"(of {math.dist(true, [0, 0, 0]):.2f} m)",
         flush=True,
     )
+    round_robin = "2"  # SCHED_RR, in the kernel's stat
+    policies = dict(line.rsplit(" ", 1) for line in result.text("threads").splitlines())
+    first = {thread for thread, policy in policies.items() if policy == round_robin}
+    assert first == {f"{name}.live" for name in names}, policies  # those that take frames go before all others, and nobody else does
     devices = [camera["device"] for camera in document["cameras"]]
     assert [d["mode"].split()[0] for d in devices] == ["320x240", "320x240"] and len({d["port"] for d in devices}) == 2, devices
     assert covariance and len(document["throws"]) >= 2 and error_m < min(0.1, 4 * sigma_m), (error_m, sigma_m, document, status)
