@@ -141,7 +141,7 @@ def until(condition, what: str):
 
 def main(story) -> None:
     """Runs a test's story(build, folder) in a folder of its own; exit status 0, 1, or 77 where the machine lacks something."""
-    build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1])
+    build = pathlib.Path(sys.argv[sys.argv.index("--build") + 1]).resolve()
     if not (build / "throwcald").exists():
         print("skipped: needs throwcald to be built")
         sys.exit(77)

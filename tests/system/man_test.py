@@ -287,7 +287,7 @@ def check_layout(pages: list[pathlib.Path], completion: pathlib.Path) -> None:
 
 
 def story(build: pathlib.Path, folder: pathlib.Path) -> None:
-    source = pathlib.Path(sys.argv[sys.argv.index("--source") + 1])
+    source = pathlib.Path(sys.argv[sys.argv.index("--source") + 1]).resolve()
     pages = [source / "deploy" / "man" / name for name in ("throwcal.1", "throwcald.8", "throwcald.toml.5")]
     client, daemon, toml_page = (page.read_text() for page in pages)
     rig_file = (source / "firmware" / "throwcald.toml").read_text()
