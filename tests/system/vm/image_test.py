@@ -86,7 +86,7 @@ def make_image(folder: pathlib.Path) -> pathlib.Path:
     look.write_text(LOOK)
     look.chmod(0o755)
     files = [SOURCE / "deploy" / "image", *(path for path in (SOURCE / "deploy" / "image.d").rglob("*") if path.is_file() and path.suffix != ".md")]
-    content = b"".join(path.read_bytes() for path in [*sorted(files), *sorted(packages.glob("*.deb")), look])
+    content = b"".join(path.read_bytes() for path in [*sorted(files), *sorted(packages.glob("throwcal*_*_amd64.deb")), look])
     image = SOURCE / "build" / "image" / f"test-{SUITE}-{hashlib.sha256(content).hexdigest()[:12]}.img"
     if not image.exists():
         for old in image.parent.glob(f"test-{SUITE}-*"):
@@ -216,7 +216,7 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
     subprocess.run(["cp", "--sparse=always", image, disk], check=True)
     os.truncate(disk, DISK_BYTES)
     box.simulate(build, folder / "site", *RIG)
-    rig = (folder / "site" / "rig.toml").read_text()
+    rig = (folder / "site" / "rig.toml").read_text().replace("127.0.0.1", "0.0.0.0")
     put_on_boot_partition(disk, rig_toml=rig)
 
     with Machine(disk, "bios", folder) as machine:
