@@ -1,1 +1,1 @@
-/run/issue.d
+/run/throwcal/issue.d
