@@ -5,7 +5,6 @@ a purge leaves nothing. And what lintian says.
 
 Takes half an hour and the network, so with THROWCAL_LONG=1 only. Needs root. THROWCAL_SUITES="bookworm" narrows it."""
 
-import hashlib
 import os
 import pathlib
 import shutil
@@ -65,7 +64,7 @@ class Tree:
                 continue
             known[name] = f"{path.lstat().st_uid} {path.lstat().st_mode:o}"
         for name in ("etc/passwd", "etc/group", "etc/shadow", "etc/gshadow"):
-            known[name] = hashlib.sha256((self.root / name).read_bytes()).hexdigest()
+            known[name] = "\n".join(sorted((self.root / name).read_text().splitlines()))
         return {name: is_so for name, is_so in known.items() if not name.endswith(("passwd-", "group-", "shadow-"))}
 
 
@@ -80,7 +79,12 @@ def older(package: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
 
 
 def difference(before: dict[str, str], after: dict[str, str]) -> list[str]:
-    return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    """Of each file that is not the same: its name, and the lines or the owner that only one of them has."""
+    return sorted(
+        f"{name}: {set(before.get(name, '').splitlines()) ^ set(after.get(name, '').splitlines())}"
+        for name in before.keys() | after.keys()
+        if before.get(name) != after.get(name)
+    )
 
 
 def packages_live_and_die(source: pathlib.Path, suite: str, folder: pathlib.Path) -> None:
