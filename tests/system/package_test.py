@@ -3,7 +3,8 @@
 """The Debian packages in fresh trees of Debian 12 and 13: installed, upgraded, removed, purged; an upgrade keeps what is the user's,
 a purge leaves nothing. And what lintian says.
 
-Takes half an hour and the network, so with THROWCAL_LONG=1 only. Needs root. THROWCAL_SUITES="bookworm" narrows it."""
+Takes half an hour and the network, so with THROWCAL_LONG=1 only. Needs root. THROWCAL_SUITES="bookworm" narrows it; THROWCAL_ARCH="arm64"
+emulates another processor (qemu-user-static, binfmt-support)."""
 
 import os
 import pathlib
@@ -13,6 +14,7 @@ import sys
 import tempfile
 
 SUITES = os.environ.get("THROWCAL_SUITES", "bookworm trixie").split()
+ARCH = os.environ.get("THROWCAL_ARCH") or subprocess.run(["dpkg", "--print-architecture"], stdout=subprocess.PIPE, text=True).stdout.strip()
 OLD = "0.0.9"  # the package again, told to be of this version
 BOTH = ("throwcal", "throwcald")
 
@@ -35,13 +37,9 @@ class Tree:
 
     def __init__(self, source: pathlib.Path, suite: str, folder: pathlib.Path):
         self.root = folder / "root"
-        sources = folder / "sources.list"
-        host = run("sh", "-c", ". /etc/os-release && echo $VERSION_CODENAME").strip()
-        listed = run("apt-get", "indextargets", "--format", "deb $(REPO_URI) $(RELEASE) $(COMPONENT)", "Created-By: Packages").splitlines()
-        known = {line for line in listed if line.split()[2] in (host, host + "-updates", host + "-security") and line.split()[3] == "main"}
-        sources.write_text("\n".join(sorted(line.replace(f" {host}", f" {suite}") for line in known)) + "\n")
-        (folder / "apt.conf").write_text(run("apt-config", "dump", "Acquire"))
-        run("mmdebstrap", "--variant=apt", f"--aptopt={folder / 'apt.conf'}", "--aptopt=APT::Install-Recommends false", suite, self.root, sources)
+        run(source / "deploy" / "mirror", suite, folder)
+        from_mirror = (f"--aptopt={folder / 'apt.conf'}", "--aptopt=APT::Install-Recommends false")
+        run("mmdebstrap", "--variant=apt", f"--architectures={ARCH}", *from_mirror, suite, self.root, folder / "sources.list")
         shutil.copy(folder / "apt.conf", self.root / "etc/apt/apt.conf.d/99mirror")
 
     def run(self, *command) -> str:
@@ -90,12 +88,12 @@ def difference(before: dict[str, str], after: dict[str, str]) -> list[str]:
 def packages_live_and_die(source: pathlib.Path, suite: str, folder: pathlib.Path) -> None:
     built = [
         pathlib.Path(line)
-        for line in run(source / "deploy" / "package", "--suite", suite, "--output", folder / "built").split()
+        for line in run(source / "deploy" / "package", "--suite", suite, "--arch", ARCH, "--output", folder / "built").split()
         if line.endswith(".deb")
     ]
     packages = {name: next(path for path in built if path.name.startswith(name + "_")) for name in BOTH}
     told = run("lintian", "--fail-on", "error,warning", *packages.values()) if shutil.which("lintian") else "lintian is not here\n"
-    print(f"{suite}: lintian: {told or 'nothing to say'}", end="")
+    print(f"{suite} {ARCH}: lintian: {told or 'nothing to say'}", end="")
 
     tree = Tree(source, suite, folder)
     put = tree.root / "put"
@@ -149,7 +147,7 @@ def packages_live_and_die(source: pathlib.Path, suite: str, folder: pathlib.Path
     left = difference(clean, tree.files())
     assert not left, f"the purge leaves {left}"
     sizes = ", ".join(f"{path.name} {path.stat().st_size // 1024} KiB" for path in packages.values())
-    print(f"{suite}: installed, upgraded from {OLD}, removed, installed, purged: nothing is left, nothing was asked; {sizes}", flush=True)
+    print(f"{suite} {ARCH}: installed, upgraded from {OLD}, removed, installed, purged: nothing is left, nothing was asked; {sizes}", flush=True)
 
 
 def main() -> None:
