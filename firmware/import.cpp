@@ -252,8 +252,8 @@ Guess to_guess(const Json& document, const RigDescription& rig, const std::strin
   guess.drag_per_m = calibration.drag_per_m;
   check(guess.drag_per_m, drag_per_m, name + ": drag_per_m");
   for (const CameraDescription& camera : rig.cameras) {
-    const CameraCalibration& start =
-        guessed(calibration.cameras, camera.name, name + ": camera " + in_quotes(camera.name));
+    const std::string place = name + ": camera " + in_quotes(camera.name);
+    const CameraCalibration& start = guessed(calibration.cameras, camera.name, place);
     guess.T_world_cam.push_back(*start.T_world_cam);
     guess.time_offset_s.push_back(start.time_offset_s);
   }
