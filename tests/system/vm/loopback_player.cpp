@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Plays footage into v4l2loopback devices, in step, with chosen stamps:
 //
-//   loopback_player WIDTH HEIGHT FOURCC FPS DEVICE=RAWFILE[+NS]...
+//   loopback_player WIDTH HEIGHT FOURCC FPS[/FROM] DEVICE=RAWFILE[+NS]...
 //
 // A RAWFILE holds frames back to back, lines packed, of a format of one plane (GREY, YUYV, ...);
 // all hold equally many. Frame k goes out at B + k / FPS of CLOCK_MONOTONIC, B being soon after
 // the start, and carries that moment + NS as its stamp, in whole microseconds as V4L2 does. What
-// was written is on standard output, after its writing: a line "DEVICE k STAMP_NS".
+// was written is on standard output, after its writing: a line "DEVICE k STAMP_NS". With /FROM the
+// frames from that on follow the last, again and again.
 //
 // v4l2loopback has no buffers of a reader's own: who is as many frames late as the reader asked
 // buffers (8 at most) finds newer pixels under an older stamp.
@@ -127,20 +128,28 @@ class Output {
 void play(int count, char** arguments) {
   if (count < 6 || std::strlen(arguments[3]) != 4)
     throw std::runtime_error(
-        "usage: loopback_player WIDTH HEIGHT FOURCC FPS DEVICE=RAWFILE[+NS]...");
+        "usage: loopback_player WIDTH HEIGHT FOURCC FPS[/FROM] DEVICE=RAWFILE[+NS]...");
   const auto width = static_cast<uint32_t>(std::stoul(arguments[1]));
   const auto height = static_cast<uint32_t>(std::stoul(arguments[2]));
-  const double fps = std::stod(arguments[4]);
+  size_t fps_end = 0;
+  const std::string rate = arguments[4];
+  const double fps = std::stod(rate, &fps_end);
+  const bool repeats = fps_end < rate.size();
   std::vector<Output> outputs;
   for (int i = 5; i < count; ++i) outputs.emplace_back(arguments[i], width, height, arguments[3]);
   for (const Output& output : outputs)
     if (output.frames() != outputs.front().frames())
       throw std::runtime_error("the files differ in their number of frames");
 
+  const size_t frames = outputs.front().frames();
+  const size_t from = repeats ? std::stoul(rate.substr(fps_end + 1)) : 0;
+  if (from >= frames) throw std::runtime_error("there is no frame " + std::to_string(from));
+
   using Clock = std::chrono::steady_clock;  // CLOCK_MONOTONIC
   const Clock::time_point begin = Clock::now() + std::chrono::milliseconds(100);
-  for (size_t frame = 0; frame < outputs.front().frames(); ++frame) {
-    const auto since_begin = std::chrono::duration<double>(static_cast<double>(frame) / fps);
+  for (size_t k = 0; k < frames || repeats; ++k) {
+    const auto since_begin = std::chrono::duration<double>(static_cast<double>(k) / fps);
+    const size_t frame = k < frames ? k : from + (k - frames) % (frames - from);
     const Clock::time_point due =
         begin + std::chrono::duration_cast<std::chrono::nanoseconds>(since_begin);
     std::this_thread::sleep_until(due);
