@@ -25,6 +25,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <ctime>
@@ -150,7 +151,7 @@ long counts_kernel_events() {
 }
 
 std::vector<Attempt> forbidden(const std::string& root_disk) {
-  char log[16];
+  static char log[16];
   return {
       {"write into /usr/bin", [] { return opens("/usr/bin/probe", O_CREAT | O_WRONLY); }},
       {"write into /etc", [] { return opens("/etc/probe", O_CREAT | O_WRONLY); }},
@@ -185,7 +186,7 @@ std::vector<Attempt> forbidden(const std::string& root_disk) {
       {"load a kernel module", [] { return syscall(SYS_finit_module, 0, "", 0); }},
       {"restart the machine", [] { return reboot(RB_DISABLE_CAD); }},
       {"swap", [] { return swapoff("/nothing"); }},
-      {"read the kernel's log", [&] { return klogctl(3, log, sizeof log); }},
+      {"read the kernel's log", [] { return klogctl(3, log, sizeof log); }},
       {"load a BPF program", loads_bpf},
       {"count the kernel's events", counts_kernel_events},
       {"run in real time", runs_in_real_time},
