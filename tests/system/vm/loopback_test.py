@@ -31,22 +31,28 @@ LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=out/driver ./grab {width}x{height} 60 
 kill %1 2> /dev/null || true
 """
 
+# All that runs and is read lies in memory first: what waits for this machine's disk under --icount waits for as long as that machine likes, frames go on.
 FILM_SCRIPT = """
 set -e
 {module}
 udevadm settle
-./loopback_player {width} {height} GREY {fps} {players} > out/written &
-while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
-./throwcald --config rig.toml --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir state 2> out/throwcald.log &
+out=$PWD/out
+cp -r . /dev/shm/film
+cd /dev/shm/film
+trap 'cp -t "$out" start watch status threads stop fetch calibration.json throwcald.log' EXIT
+ldd ./throwcald | sed -n 's/.* => \\([^ ]*\\) .*/\\1/p' | xargs cat > /dev/null
+./loopback_player {width} {height} GREY {fps} {players} > written &
+while [ ! -s written ]; do kill -0 $!; sleep 0.05; done
+./throwcald --config rig.toml --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir state 2> throwcald.log &
 while [ ! -s port ]; do kill -0 $!; sleep 0.05; done
 host=127.0.0.1:$(cat port)
 export THROWCAL_TOKEN=$(cat state/token)
-until ./throwcal capture start --host $host > out/start 2>&1; do sleep 0.2; done
-./throwcal watch --until-throws {throws} --timeout 120 --host $host > out/watch 2>&1 || true
-./throwcal status --json --host $host > out/status
-for task in /proc/$(pgrep -x throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done > out/threads
-./throwcal capture stop --host $host > out/stop 2>&1 || true
-./throwcal fetch --host $host --output out/calibration.json > out/fetch 2>&1 || true
+until ./throwcal capture start --host $host > start 2>&1; do sleep 0.2; done
+./throwcal watch --until-throws {throws} --timeout 120 --host $host > watch 2>&1 || true
+./throwcal status --json --host $host > status
+for task in /proc/$(pgrep -x throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done > threads
+./throwcal capture stop --host $host > stop 2>&1 || true
+./throwcal fetch --host $host --output calibration.json > fetch 2>&1 || true
 kill %2; wait %2
 """
 
