@@ -20,39 +20,42 @@ ROUNDS, FRAMES = 10, 150  # of 64 frames that are played; of each camera that ar
 BUFFERS = 8  # frames that may lie in a device when its reader comes, with that moment's stamps
 FILM = dict(cameras=2, width=320, height=240, fps=30, throws=3)
 
-STAMPS_SCRIPT = """
+# Before it counts, all that runs and is read lies in memory: what waits for this machine's disk under --icount waits for as long as that
+# machine likes, and frames go on meanwhile.
+IN_MEMORY = r"""
 set -e
+share=$PWD
+cp -r . /dev/shm/run
+cd /dev/shm/run
+trap 'cp out/* "$share/out"' EXIT
+for program in {programs}; do ldd $program; done | sed -n 's/.* => \([^ ]*\) .*/\1/p' | xargs cat > /dev/null
+"""
+
+STAMPS_SCRIPT = IN_MEMORY + """
 {module}
 udevadm settle
-for i in $(seq {rounds}); do cat footage; done > /dev/shm/footage # what comes from the host comes slowly
+for i in $(seq {rounds}); do cat footage; done > /dev/shm/footage
 ./loopback_player {width} {height} GREY {fps} {players} > out/written &
 while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
 LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=out/driver ./grab {width}x{height} 60 frames={enough} times=out/frames {devices} > out/log
 kill %1 2> /dev/null || true
 """
 
-# All that runs and is read lies in memory first: what waits for this machine's disk under --icount waits for as long as that machine likes, frames go on.
-FILM_SCRIPT = """
-set -e
+FILM_SCRIPT = IN_MEMORY + """
 {module}
 udevadm settle
-out=$PWD/out
-cp -r . /dev/shm/film
-cd /dev/shm/film
-trap 'cp -t "$out" start watch status threads stop fetch calibration.json throwcald.log' EXIT
-ldd ./throwcald | sed -n 's/.* => \\([^ ]*\\) .*/\\1/p' | xargs cat > /dev/null
-./loopback_player {width} {height} GREY {fps} {players} > written &
-while [ ! -s written ]; do kill -0 $!; sleep 0.05; done
-./throwcald --config rig.toml --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir state 2> throwcald.log &
+./loopback_player {width} {height} GREY {fps} {players} > out/written &
+while [ ! -s out/written ]; do kill -0 $!; sleep 0.05; done
+./throwcald --config rig.toml --listen 127.0.0.1:0 --http-listen 127.0.0.1:0 --port-file port --state-dir state 2> out/throwcald.log &
 while [ ! -s port ]; do kill -0 $!; sleep 0.05; done
 host=127.0.0.1:$(cat port)
 export THROWCAL_TOKEN=$(cat state/token)
-until ./throwcal capture start --host $host > start 2>&1; do sleep 0.2; done
-./throwcal watch --until-throws {throws} --timeout 120 --host $host > watch 2>&1 || true
-./throwcal status --json --host $host > status
-for task in /proc/$(pgrep -x throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done > threads
-./throwcal capture stop --host $host > stop 2>&1 || true
-./throwcal fetch --host $host --output calibration.json > fetch 2>&1 || true
+until ./throwcal capture start --host $host > out/start 2>&1; do sleep 0.2; done
+./throwcal watch --until-throws {throws} --timeout 120 --host $host > out/watch 2>&1 || true
+./throwcal status --json --host $host > out/status
+for task in /proc/$(pgrep -x throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done > out/threads
+./throwcal capture stop --host $host > out/stop 2>&1 || true
+./throwcal fetch --host $host --output out/calibration.json > out/fetch 2>&1 || true
 kill %2; wait %2
 """
 
@@ -74,7 +77,13 @@ def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: path
     }
     players = " ".join(f"/dev/video{n}=/dev/shm/footage+{7000 * n}" for n in nodes)
     script = STAMPS_SCRIPT.format(
-        module=module(nodes), players=players, devices=" ".join(f"/dev/video{n}" for n in nodes), enough=FRAMES, rounds=ROUNDS, **STAMPS
+        programs="./loopback_player ./grab",
+        module=module(nodes),
+        players=players,
+        devices=" ".join(f"/dev/video{n}" for n in nodes),
+        enough=FRAMES,
+        rounds=ROUNDS,
+        **STAMPS,
     )
     result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0, result.output
@@ -137,7 +146,7 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
         "rig.toml": rig,
     }
     players = " ".join(f"/dev/video{node}={name}.raw" for name, node in zip(names, nodes))
-    script = FILM_SCRIPT.format(module=module(nodes), players=players, **FILM)
+    script = FILM_SCRIPT.format(programs="./loopback_player ./throwcald ./throwcal", module=module(nodes), players=players, **FILM)
     result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0 and "calibration.json" in result.files, result.output + str(
         {k: v[-2000:] for k, v in result.files.items() if k != "written"}
