@@ -76,14 +76,6 @@ std::vector<std::string> inputs(const V4l2Device& device) {
   return out;
 }
 
-/// The links of /dev/v4l/by-path lead to the devices.
-std::string by_path(const std::filesystem::path& device) {
-  std::error_code error;
-  for (const auto& link : std::filesystem::directory_iterator("/dev/v4l/by-path", error))
-    if (std::filesystem::canonical(link.path(), error) == device) return link.path().string();
-  return {};
-}
-
 /// Nothing where the device captures no pictures.
 std::optional<V4l2Listing> listing(const std::string& path) {
   V4l2Listing out;
@@ -122,6 +114,17 @@ std::optional<V4l2Listing> listing(const std::string& path) {
 }
 
 }  // namespace
+
+std::string by_path(const std::filesystem::path& device, const std::filesystem::path& links) {
+  std::string out;
+  std::error_code error;
+  for (const auto& link : std::filesystem::directory_iterator(links, error)) {
+    const std::string name = link.path().string();
+    const bool is_better = out.empty() || std::pair(name.size(), name) < std::pair(out.size(), out);
+    if (is_better && std::filesystem::canonical(link.path(), error) == device) out = name;
+  }
+  return out;
+}
 
 std::vector<V4l2Listing> list_v4l2_cameras() {
   std::vector<std::pair<int, std::string>> nodes;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -33,5 +34,10 @@ struct V4l2Listing {
 
 /// All of /dev/video*, in order; what captures no pictures is left out.
 std::vector<V4l2Listing> list_v4l2_cameras();
+
+/// The link in `links` that leads to `device`, or empty. Of several the shortest: udev 257 names a
+/// USB camera's port twice (-usb-, -usbv2-), and the older, shorter name holds on every Debian.
+std::string by_path(const std::filesystem::path& device,
+                    const std::filesystem::path& links = "/dev/v4l/by-path");
 
 }  // namespace throwcal

@@ -8,6 +8,7 @@
 #include "capture/camera_identity.h"
 #include "capture/usb_device.h"
 #include "capture/usb_load.h"
+#include "capture/v4l2_list.h"
 
 namespace throwcal {
 namespace {
@@ -75,6 +76,24 @@ TEST_F(Usb, ACameraMayHaveNoSerialAndADeviceNoUsb) {
   write(root_ / "dev/video1", "");
   EXPECT_EQ(usb_identity(root_ / "dev/video1", sysfs()), CameraIdentity{});
   EXPECT_EQ(usb_identity(root_ / "dev/nothing", sysfs()), CameraIdentity{});
+}
+
+TEST_F(Usb, OfTwoLinksToOnePortTheOneThatEveryDebianMakesIsNamed) {
+  const fs::path first = fs::canonical(plug("video0", "1-1", "", "")),
+                 second = fs::canonical(plug("video1", "1-2", "", "")), links = root_ / "by-path";
+  fs::create_directories(links);
+  const auto named = [&](const fs::path& device) {
+    return fs::path(by_path(device, links)).filename().string();
+  };
+  EXPECT_EQ(named(first), "");
+  fs::create_symlink("../dev/video0", links / "pci-usbv2-0:1:1.0-video-index0");
+  fs::create_symlink("../dev/gone", links / "pci-0:9");
+  EXPECT_EQ(named(first), "pci-usbv2-0:1:1.0-video-index0");
+  fs::create_symlink("../dev/video0", links / "pci-usb-0:1:1.0-video-index0");
+  fs::create_symlink("../dev/video1", links / "pci-usb-0:2:1.0-video-index0");
+  EXPECT_EQ(named(first), "pci-usb-0:1:1.0-video-index0");
+  EXPECT_EQ(named(second), "pci-usb-0:2:1.0-video-index0");
+  EXPECT_EQ(by_path(first, root_ / "nowhere"), "");
 }
 
 TEST_F(Usb, BandwidthIsSharedByABusOrBelowAnXhciByAPort) {
