@@ -51,6 +51,7 @@ led = "mmc0::"
 LOOK = r"""
 tell() { sed "s/^/$1 /"; }
 systemctl is-system-running --wait | tell state
+systemctl reload throwcald 2>&1 | tell reload
 systemctl --failed --plain --no-legend | tell failed
 cat /etc/machine-id | tell machine-id
 hostnamectl --static | tell hostname
@@ -193,6 +194,7 @@ def is_a_box(machine: board.Board, firmware: str) -> dict[str, list[str]]:
             say(f"{firmware}: {key}: {line}")
     say(f"{firmware}: answers {answers_s:.0f} s after power on, of this machine's time")
     assert told["state"] == ["running"] and "failed" not in told, told
+    assert "reload" not in told, told["reload"]
     assert told["tainted"] == ["0"], told
     assert told["hostname"] == [HOST_NAME], told
     assert told["root"][0].split(",")[0] == "ro" and "Read-only file system" in told["touched"][0], told
