@@ -71,7 +71,7 @@ bool has_left(int fd) {
 HttpReply too_large() {
   return error_reply(
       http_too_large, rpc_invalid_request,
-      "a body holds " + std::to_string(HttpRoutes::most_body_bytes) + " bytes at most");
+      "a body holds " + std::to_string(HttpRoutes::most_body_bytes >> 10) + " KiB at most");
 }
 
 HttpReply too_many(const std::string& what) {
