@@ -20,18 +20,8 @@ ROUNDS, FRAMES = 10, 150  # of 64 frames that are played; of each camera that ar
 BUFFERS = 8  # frames that may lie in a device when its reader comes, with that moment's stamps
 FILM = dict(cameras=2, width=320, height=240, fps=30, throws=3)
 
-# Before it counts, all that runs and is read lies in memory: what waits for this machine's disk under --icount waits for as long as that
-# machine likes, and frames go on meanwhile.
-IN_MEMORY = r"""
+STAMPS_SCRIPT = """
 set -e
-share=$PWD
-cp -r . /dev/shm/run
-cd /dev/shm/run
-trap 'cp out/* "$share/out"' EXIT
-for program in {programs}; do ldd $program; done | sed -n 's/.* => \([^ ]*\) .*/\1/p' | xargs cat > /dev/null
-"""
-
-STAMPS_SCRIPT = IN_MEMORY + """
 {module}
 udevadm settle
 for i in $(seq {rounds}); do cat footage; done > /dev/shm/footage
@@ -41,7 +31,8 @@ LD_PRELOAD=./liblog_buffers.so BUFFER_LOG=out/driver ./grab {width}x{height} 60 
 kill %1 2> /dev/null || true
 """
 
-FILM_SCRIPT = IN_MEMORY + """
+FILM_SCRIPT = """
+set -e
 {module}
 udevadm settle
 ./loopback_player {width} {height} GREY {fps} {players} > out/written &
@@ -77,7 +68,6 @@ def ring_keeps_the_writers_stamps(kernel: int, build: pathlib.Path, folder: path
     }
     players = " ".join(f"/dev/video{n}=/dev/shm/footage+{7000 * n}" for n in nodes)
     script = STAMPS_SCRIPT.format(
-        programs="./loopback_player ./grab",
         module=module(nodes),
         players=players,
         devices=" ".join(f"/dev/video{n}" for n in nodes),
@@ -146,7 +136,7 @@ def a_film_becomes_a_calibration(kernel: int, build: pathlib.Path, folder: pathl
         "rig.toml": rig,
     }
     players = " ".join(f"/dev/video{node}={name}.raw" for name, node in zip(names, nodes))
-    script = FILM_SCRIPT.format(programs="./loopback_player ./throwcald ./throwcal", module=module(nodes), players=players, **FILM)
+    script = FILM_SCRIPT.format(module=module(nodes), players=players, **FILM)
     result = vm.run_in_guest(kernel, files, script, 900, ("--icount", "--memory", "2048"))
     assert result.rc == 0 and "calibration.json" in result.files, result.output + str(
         {k: v[-2000:] for k, v in result.files.items() if k != "written"}

@@ -58,7 +58,7 @@ class Box:
 
 
 def tell(out, **what) -> None:
-    """On the host at once: /share writes through."""
+    """On the host at once: /host writes through."""
     out.write(json.dumps(what) + "\n")
     out.flush()
 

@@ -25,7 +25,7 @@ SCRIPT = """
 set -e
 mkdir -p /run/disk
 mount -t ext4 /dev/vdc /run/disk
-python3 power_cut_client.py /run/disk/state told $(cat what) 2> out/log
+python3 power_cut_client.py /run/disk/state /host/told $(cat what) 2> /host/log
 """
 
 
@@ -46,7 +46,6 @@ def cut_after(wanted: int, machine: subprocess.Popen, share: pathlib.Path, dice:
 def lives_end_by_a_power_cut(kernel: int, build: pathlib.Path, folder: pathlib.Path, dice: random.Random) -> None:
     share, disk = folder / "share", folder / "disk.ext4"
     share.mkdir()
-    (share / "out").mkdir()
     subprocess.run(["/sbin/mke2fs", "-qF", "-t", "ext4", disk, "64M"], check=True)
     subprocess.run([build.parent / "throwcal", "simulate", "--output", share, *RIG], check=True, stdout=subprocess.DEVNULL)
     for name in ("throwcald", "throwcal"):
@@ -61,7 +60,7 @@ def lives_end_by_a_power_cut(kernel: int, build: pathlib.Path, folder: pathlib.P
         if not is_last:
             cut_after(dice.randint(0, MOST_TELLINGS) if life else MOST_TELLINGS, machine, share, dice)
         output = machine.communicate()[0]
-        log = (share / "out" / "log").read_text(errors="replace") if (share / "out" / "log").exists() else ""
+        log = (share / "log").read_text(errors="replace") if (share / "log").exists() else ""
         assert machine.returncode == (0 if is_last else 75), f"life {life}: {machine.returncode}\n{output[-3000:]}\n{log[-3000:]}"
     checked = next(line for line in output.splitlines() if line.startswith("checked:"))
     told = (share / "told").read_text().splitlines()
