@@ -66,7 +66,7 @@ class Station {
     const std::lock_guard lock(mutex_);
     CameraStats now = stats_;
     static_cast<GrabberStats&>(now) = grabber_.stats();
-    now.running = stats_.running;
+    now.running = stats_.running && now.error.empty();
     now.identity = grabber_.camera().identity();
     now.settings = grabber_.camera().settings();
     return now;

@@ -24,7 +24,8 @@ struct RigSettings {
   BallDetectorSettings detector{};
 };
 
-/// Counters of one camera since start; `running` of its detector, too.
+/// Counters of one camera since start. `running`: its detector is at work, and nothing keeps frames
+/// from coming.
 struct CameraStats : GrabberStats {
   std::string name;
   std::uint64_t frames = 0;     ///< processed by the detector

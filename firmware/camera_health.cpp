@@ -14,7 +14,7 @@ void tell_faults(const CameraStats& camera, LogOnce& once) {
   const auto warn_if = [&](bool is_so, const char* cause, const std::string& text) {
     if (is_so) once.warning(cause + (" " + camera.name), name + text);
   };
-  if (camera.error.empty() && camera.running) once.forget("camera " + camera.name);
+  if (camera.running) once.forget("camera " + camera.name);
   warn_if(!camera.error.empty(), "camera", camera.error);
   warn_if(camera.frames_dropped > 0, "drops", "frames dropped, the detector is too slow");
   warn_if(camera.frames_damaged > 0, "damaged", "frames damaged; a loose cable?");
@@ -31,7 +31,7 @@ void tell_faults(const CameraStats& camera, LogOnce& once) {
 
 bool cameras_are_warm(const std::vector<CameraStats>& cameras) {
   return std::ranges::all_of(cameras, [](const CameraStats& camera) {
-    return !camera.running || !camera.error.empty() || camera.frames >= warm_frames;
+    return !camera.running || camera.frames >= warm_frames;
   });
 }
 

@@ -73,8 +73,7 @@ CanHealth can_health_of(const Json& status) {
   double lost = 0.0, dropped = 0.0;
   for (const Json& camera : cameras_in(status)) {
     ++out.cameras;
-    out.cameras_running +=
-        is_told(camera, "running") && camera["running"] == true && !is_told(camera, "error");
+    out.cameras_running += is_told(camera, "running") && camera["running"] == true;
     lost += number(camera, "frames_lost_by_driver").value_or(0.0) +
             number(camera, "frames_damaged").value_or(0.0);
     dropped += number(camera, "frames_dropped").value_or(0.0);

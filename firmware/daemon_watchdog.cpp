@@ -15,8 +15,7 @@ void Daemon::pet_watchdog(const std::vector<CameraStats>& cameras) {
                                    .patience = Movement::estimator_patience}};
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     // A film waits while the estimator is busy.
-    const bool may_rest = !cameras[i].running || !cameras[i].error.empty() ||
-                          config_.inputs[i].source.starts_with("video:");
+    const bool may_rest = !cameras[i].running || config_.inputs[i].source.starts_with("video:");
     all.push_back({.name = "camera \"" + cameras[i].name + "\"",
                    .may_rest = may_rest,
                    .steps = cameras[i].frames});

@@ -53,7 +53,7 @@ function figureOf(name) {
 }
 
 function showCamera(camera) {
-  const mark = camera.running && !camera.error ? "✔" : "✖";
+  const mark = camera.running ? "✔" : "✖";
   const lost = camera.frames_dropped + camera.frames_lost_by_driver + camera.frames_damaged;
   figureOf(camera.name).lastChild.textContent =
     `${mark} ${camera.name}: ${camera.frames_per_s}/s, ${count(camera.flights, "flight")}` + (lost ? `, ${count(lost, "frame")} lost` : "");

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <map>
 #include <thread>
@@ -17,25 +18,33 @@ SimulatedSceneSettings small_scene() {
   return {.seed = 2, .cameras = 3, .width_px = 160, .height_px = 120, .focal_px = 120};
 }
 
-/// A camera that breaks after some frames.
+/// A camera that breaks after some frames: it has failed, or is lost for good.
 class BreakingCamera : public Camera {
  public:
-  explicit BreakingCamera(std::uint64_t frames) : left_(frames) {}
+  explicit BreakingCamera(std::uint64_t frames, Outcome how = Outcome::failed)
+      : how_(how), left_(frames) {}
   const std::string& name() const override { return name_; }
   Format format() const override { return {32, 24, PixelFormat::grey, 60}; }
   CameraModel model() const override { return {.width_px = 32, .height_px = 24}; }
   bool waits_for_reader() const override { return true; }
   void start() override {}
   Outcome next(std::span<std::uint8_t> slot, Frame& frame) override {
-    if (left_-- == 0) return Outcome::failed;
+    if (is_interrupted_) return Outcome::interrupted;
+    if (left_ == 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return how_;
+    }
+    --left_;
     frame.sequence = sequence_ += 2;  // every second frame is lost
     frame.image = {slot.data(), 32, 24, 32, PixelFormat::grey};
     return Outcome::frame;
   }
-  void interrupt() override {}
+  void interrupt() override { is_interrupted_ = true; }
   std::string error() const override { return "the cable came off"; }
 
  private:
+  const Outcome how_;
+  std::atomic<bool> is_interrupted_ = false;
   std::string name_ = "loose";
   std::uint64_t left_, sequence_ = 0;
 };
@@ -78,6 +87,19 @@ TEST(Rig, ACameraThatFailsSaysWhyAndTheOthersGoOn) {
   EXPECT_EQ(broken.frames, 5u);
   EXPECT_EQ(broken.frames_lost_by_driver, 4u);
   EXPECT_EQ(rig.stats()[0].error, "");
+}
+
+TEST(Rig, ACameraThatIsLostIsNotSaidToRun) {
+  std::vector<std::unique_ptr<Camera>> cameras;
+  cameras.push_back(std::make_unique<BreakingCamera>(2, Camera::Outcome::lost));
+  Rig rig(std::move(cameras), {});
+  rig.start();
+  EXPECT_TRUE(rig.next({}));
+  EXPECT_TRUE(rig.next({}));
+  while (rig.stats()[0].error.empty()) std::this_thread::yield();
+  EXPECT_EQ(rig.stats()[0].error, "the cable came off");
+  EXPECT_FALSE(rig.stats()[0].running);
+  EXPECT_EQ(rig.stats()[0].interruptions, 1u);
 }
 
 TEST(Rig, StopsWhileCamerasWaitForLightAndTheQueueIsFull) {

@@ -60,7 +60,7 @@ TEST(CanReport, IsTheStatusDocument) {
       "worst_sigma_position_m": 0.0012, "worst_sigma_rotation_rad": null, "verdict": "accepted",
       "cameras": [{"running": true, "frames_lost_by_driver": 2, "frames_damaged": 1,
                    "frames_dropped": 4}, {"running": false, "frames_dropped": 1},
-                  {"running": true, "error": "is not plugged in"}],
+                  {"running": false, "error": "is not plugged in"}],
       "calibration_problem": null, "fault": "the disk is full", "uptime_s": 12.9,
       "software": "throwcal 1.22.3"})");
   const CanStatus now = can_status_of(status);
