@@ -25,11 +25,21 @@ void set_option(int fd, int level, int option, int value) {
   setsockopt(fd, level, option, &value, sizeof value);
 }
 
-int listen_at(const addrinfo& at) {
+bool bind_to(int fd, const addrinfo& at) { return bind(fd, at.ai_addr, at.ai_addrlen) == 0; }
+
+int listen_at(const addrinfo& at, const std::string& place) {
   const int fd = socket(at.ai_family, at.ai_socktype | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return -1;
   set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1);
-  if (bind(fd, at.ai_addr, at.ai_addrlen) == 0 && listen(fd, SOMAXCONN) == 0) return fd;
+  bool is_bound = bind_to(fd, at);
+  if (!is_bound && errno == EADDRNOTAVAIL) {  // the network may come later
+    at.ai_family == AF_INET6 ? set_option(fd, IPPROTO_IPV6, IPV6_FREEBIND, 1)
+                             : set_option(fd, IPPROTO_IP, IP_FREEBIND, 1);
+    is_bound = bind_to(fd, at);
+    if (is_bound)
+      log_warning(place + " is no address of this box now; it listens there once it is one");
+  }
+  if (is_bound && listen(fd, SOMAXCONN) == 0) return fd;
   const int error = errno;
   close(fd);
   errno = error;
@@ -46,7 +56,7 @@ int open_listener(const ListenAddress& address) {
       error != 0)
     throw InputError("can't listen at " + place + ": " + gai_strerror(error));
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> owner(found, freeaddrinfo);
-  if (const int fd = listen_at(*found); fd >= 0) return fd;
+  if (const int fd = listen_at(*found, place); fd >= 0) return fd;
   throw InputError("can't listen at " + place + ": " + std::strerror(errno) +
                    (errno == EADDRINUSE ? "; is another throwcald running?" : ""));
 }

@@ -20,7 +20,8 @@ class ListenSocket {
     socklen_t address_size = 0;
   };
 
-  /// Throws InputError naming address and cause where it can't listen.
+  /// Throws InputError naming address and cause where it can't listen. An address that the box has
+  /// not yet is told as a warning, and is listened at as soon as it has it.
   ListenSocket(EventLoop& loop, const ListenAddress& address, std::function<void(Peer)> accept);
   ~ListenSocket();
   ListenSocket(const ListenSocket&) = delete;

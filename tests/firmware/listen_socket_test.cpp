@@ -47,5 +47,18 @@ TEST(ListenSocket, AClientThatVanishesGivesItsPlaceBackSoon) {
   EXPECT_EQ(option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT), 30'000);
 }
 
+TEST(ListenSocket, AnAddressThatTheBoxHasNotYetIsToldAndListenedAt) {
+  EventLoop loop;
+  const bool has_ipv6 = FileHandle(socket(AF_INET6, SOCK_STREAM, 0)).get() >= 0;
+  for (const std::string host : {"192.0.2.1", "2001:db8::1"}) {  // RFC 5737, RFC 3849: nobody's
+    if (host.find(':') != host.npos && !has_ipv6) continue;
+    const ListenSocket listener(loop, {host, 0}, [](ListenSocket::Peer) {});
+    EXPECT_GT(listener.port(), 0);
+    EXPECT_NE(recent_log_lines().back().find("warning: " + host + ":0 is no address"),
+              std::string::npos)
+        << recent_log_lines().back();
+  }
+}
+
 }  // namespace
 }  // namespace throwcal

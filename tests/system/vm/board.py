@@ -37,23 +37,22 @@ def packages(arch: str) -> list[str]:
     return {"amd64": ["qemu-system-x86", "ovmf"], "arm64": ["qemu-system-arm", "qemu-efi-aarch64"]}[arch] + ["mtools", "openssh-client", "e2fsprogs"]
 
 
-def put_on_boot_partition(disk: pathlib.Path, **files: str | None) -> None:
-    """With a laptop, as it were: rig_toml is `rig.toml`, and so on; None takes the file away."""
+def mtools(disk: pathlib.Path, partition: str, command: str, *arguments: str | pathlib.Path) -> str:
+    image = f"{disk}@@{partition_offset(disk, partition)}"
     environment = {**os.environ, "MTOOLS_SKIP_CHECK": "1"}
+    return subprocess.run([command, "-i", image, *arguments], stdout=subprocess.PIPE, check=True, text=True, env=environment).stdout
+
+
+def put_on_partition(disk: pathlib.Path, partition: str, files: dict[str, str | None]) -> None:
+    """With a laptop, as it were; None takes a file away."""
     for name, text in files.items():
-        name = {"rig_toml": "rig.toml", "loader": "loader/entries/throwcal-a.conf"}.get(name, name)
         with tempfile.NamedTemporaryFile("w") as file:
             if text is None:
-                subprocess.run(["mdel", "-i", f"{disk}@@1M", f"::/{name}"], check=True, env=environment)
+                mtools(disk, partition, "mdel", f"::/{name}")
             else:
                 file.write(text)
                 file.flush()
-                subprocess.run(["mcopy", "-o", "-i", f"{disk}@@1M", file.name, f"::/{name}"], check=True, env=environment)
-
-
-def from_boot_partition(disk: pathlib.Path, name: str) -> str:
-    environment = {**os.environ, "MTOOLS_SKIP_CHECK": "1"}
-    return subprocess.run(["mtype", "-i", f"{disk}@@1M", f"::/{name}"], stdout=subprocess.PIPE, check=True, text=True, env=environment).stdout
+                mtools(disk, partition, "mcopy", "-o", file.name, f"::/{name}")
 
 
 def partition_offset(disk: pathlib.Path, name: str) -> int:
@@ -80,7 +79,9 @@ def journal(disk: pathlib.Path) -> list[dict]:
     """What the box kept of its journal, the oldest first."""
     with tempfile.TemporaryDirectory() as folder:
         on_partition(disk, "throwcal-data", f"rdump /journal {folder}")
-        told = subprocess.run(["journalctl", "-D", f"{folder}/journal", "-o", "json", "--no-pager"], stdout=subprocess.PIPE, check=True, text=True).stdout
+        told = subprocess.run(
+            ["journalctl", "-D", f"{folder}/journal", "-o", "json", "--no-pager"], stdout=subprocess.PIPE, check=True, text=True
+        ).stdout
     return [json.loads(line) for line in told.splitlines()]
 
 

@@ -26,6 +26,7 @@ SUITE = os.environ.get("THROWCAL_SUITE", "bookworm")
 ARCH = os.environ.get("THROWCAL_ARCH", "amd64")
 FIRMWARES = ("bios", "uefi") if ARCH == "amd64" else ("uefi", "uefi")  # of the first starts, and of those after the power cut
 HOST_NAME = "throwcal-to-be-42-7"
+LOADER = "loader/entries/throwcal-a.conf"  # what systemd-boot boots
 DISK_BYTES = 4 << 30
 CAMERAS, THROWS, FPS, WIDTH, HEIGHT = 4, 5, 30, 320, 240
 NODES = [f"/dev/video{30 + i}" for i in range(CAMERAS)]
@@ -97,6 +98,25 @@ journalctl -b -u probe -o cat --no-pager
 
 THREADS = r"""
 for task in /proc/$(systemctl show -p MainPID --value throwcald)/task/*; do echo "$(cat $task/comm) $(cut -d ' ' -f 41 $task/stat)"; done
+"""
+
+# It ends at once, with a reason; and, once that has gone, at an address that comes later.
+NOT_AT_ONCE = r"""
+mkdir -p /run/systemd/system/throwcald.service.d
+start() {{
+  printf '[Service]\nExecStart=\nExecStart=/usr/bin/throwcald --config /etc/throwcal/rig.toml %s\n' "$1" > /run/systemd/system/throwcald.service.d/test.conf
+  systemctl daemon-reload
+  systemctl restart throwcald
+}}
+start '--listen 0.0.0.0:8080' # HTTP is there
+cat /run/throwcal/issue.d/4-throwcald.issue
+systemctl reset-failed throwcald
+start '--listen {address}:7710'
+ip address add {address}/32 dev lo
+throwcal status --host {address} | head -n 1
+rm /run/systemd/system/throwcald.service.d/test.conf
+systemctl daemon-reload
+systemctl restart throwcald
 """
 
 MEMORY = r"""
@@ -212,7 +232,7 @@ def is_a_box(machine: board.Board, firmware: str) -> dict[str, list[str]]:
 def starts_without_anything(machine: board.Board) -> None:
     """The first start ever: no rig file, no keys."""
     machine.until(lambda: f"{HOST_NAME} login:" in machine.screen(), "the prompt on the console")
-    machine.until(lambda: "There is no rig file: put rig.toml on the boot partition." in machine.screen(), "what is missing, on the console")
+    machine.until(lambda: "There is no rig file: put rig.toml on the partition THROWCAL." in machine.screen(), "what is missing, on the console")
     assert machine.ssh_banner() == b"", "ssh is on"
 
 
@@ -240,6 +260,14 @@ def cameras_come(machine: board.Board, site: Site, client: box.Client) -> None:
     policies = dict(line.rsplit(" ", 1) for line in machine.run(THREADS).splitlines())
     first = {thread for thread, policy in policies.items() if policy == "2"}  # SCHED_RR
     assert first == {f"{camera['name']}.live" for camera in site.truth["cameras"]}, policies
+
+
+def says_why_it_does_not_run(machine: board.Board) -> None:
+    told = machine.run(NOT_AT_ONCE.format(address="10.77.0.7")).splitlines()
+    assert told[0].startswith("throwcald does not run: can't listen at 0.0.0.0:8080: Address already in use"), told
+    assert " throws" in told[1], told
+    machine.until(lambda: "throwcald does not run: can't listen at 0.0.0.0:8080" in machine.screen(), "why, on the console")
+    machine.answers()
 
 
 def light_is_on(machine: board.Board) -> bool:
@@ -296,11 +324,11 @@ def journal_of_last_start(disk: pathlib.Path) -> list[dict]:
 
 def our_share_of_the_start(disk: pathlib.Path, folder: pathlib.Path) -> None:
     """A start as the box is used, and one without throwcal: both switched off by the power button."""
-    loader = board.from_boot_partition(disk, "loader/entries/throwcal-a.conf")
+    loader = board.mtools(disk, "throwcal-esp", "mtype", f"::/{LOADER}")
     without = re.sub("^options .*", r"\g<0> systemd.mask=throwcald.service systemd.mask=throwcal-configure.service", loader, flags=re.MULTILINE)
     times = {}
     for what, entry in (("without throwcal", without), ("with", loader)):
-        board.put_on_boot_partition(disk, loader=entry)
+        board.put_on_partition(disk, "throwcal-esp", {LOADER: entry})
         with board.Board(ARCH, "uefi", disk, folder) as machine:
             if what == "with":
                 machine.answers()
@@ -328,7 +356,7 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
     with board.Board(ARCH, FIRMWARES[0], disk, folder) as machine:
         starts_without_anything(machine)
 
-    board.put_on_boot_partition(disk, rig_toml=site.rig, authorized_keys=(folder / "key.pub").read_text())
+    board.put_on_partition(disk, "throwcal-site", {"rig.toml": site.rig, "authorized_keys": (folder / "key.pub").read_text()})
     with board.Board(ARCH, FIRMWARES[0], disk, folder, site.disk) as machine:
         first = is_a_box(machine, FIRMWARES[0])
         assert any("Took rig.toml" in line for line in first["configure"]), first["configure"]
@@ -346,7 +374,7 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
             last, throws = (status(client)[key] for key in ("session", "throws"))
 
     # The power is out. A rig file that is none.
-    board.put_on_boot_partition(disk, rig_toml=site.rig + "\nthis = is none\n")
+    board.put_on_partition(disk, "throwcal-site", {"rig.toml": site.rig + "\nthis = is none\n"})
     with board.Board(ARCH, FIRMWARES[1], disk, folder, site.disk) as machine:
         second = is_a_box(machine, FIRMWARES[1])
         assert second["machine-id"] == first["machine-id"] and len(first["machine-id"][0]) == 32, (first, second)
@@ -359,8 +387,9 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
             assert sessions[last]["throws"] >= throws >= 1, (last, throws, sessions)
             kept = machine.get(f"/api/v1/calibration/{json.loads(document)['id']}")
         assert kept == document, kept
+        says_why_it_does_not_run(machine)
 
-    board.put_on_boot_partition(disk, rig_toml=site.rig, authorized_keys=None)
+    board.put_on_partition(disk, "throwcal-site", {"rig.toml": site.rig, "authorized_keys": None})
     our_share_of_the_start(disk, folder)
 
 
