@@ -278,7 +278,9 @@ void Store::add_evidence(const std::vector<Evidence>& evidence) {
   std::error_code error;
   const auto free = [&] { return std::filesystem::space(folder_, error).available; };
   while (free() < settings_.keep_free_bytes)
-    if (!make_room()) return;
+    if (!make_room())
+      throw StoreError(folder_.string() + ": less than " +
+                       std::to_string(settings_.keep_free_bytes / 1'000'000) + " MB are free");
   written([&] { current().add_evidence(evidence); });
   sessions_.at(current_id_).has_evidence = true;
 }

@@ -40,7 +40,7 @@ class Store {
   void add_flights(const std::vector<Track>& flights);
   /// Returns its id, which no other calibration has.
   std::int64_t add_calibration(StoredCalibration calibration);
-  /// As far as there is room for it.
+  /// None of it where keep_free_bytes are not free, and no older evidence can make room.
   void add_evidence(const std::vector<Evidence>& evidence);
   void finish_session(const std::string& state);  ///< "done" or "aborted"
 

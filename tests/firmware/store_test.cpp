@@ -245,7 +245,7 @@ TEST_F(StoreTest, EvidenceThatThereIsNoRoomForMakesRoomOldestFirst) {
   }
   Store full(folder_, {.keep_free_bytes = 2 * free});  // as if the disk were full
   full.start_session(facts());
-  full.add_evidence({picture(1, 40)});
+  EXPECT_THROW(full.add_evidence({picture(1, 40)}), StoreError);
   for (const std::int64_t id : ids) {
     EXPECT_FALSE(full.session(id)->at("has_evidence"));
     EXPECT_EQ(full.session(id)->at("verdict"), "accepted");
