@@ -119,6 +119,18 @@ systemctl daemon-reload
 systemctl restart throwcald
 """
 
+# The rig file that was put on differs from the box's, and can't be kept.
+NOT_KEPT = r"""
+chattr +i /data/rig
+rm /run/throwcal/authorized_keys
+systemctl restart throwcal-configure 2> /dev/null || echo failed
+cat /run/throwcal/issue.d/2-rig.issue
+test -s /run/throwcal/authorized_keys && echo "who has the key gets in"
+chattr -i /data/rig
+systemctl restart throwcal-configure
+cat /run/throwcal/issue.d/2-rig.issue
+"""
+
 MEMORY = r"""
 grep -E "VmRSS|RssAnon|RssFile|RssShmem" /proc/$(systemctl show -p MainPID --value throwcald)/status
 cd /sys/fs/cgroup/system.slice/throwcald.service
@@ -270,6 +282,16 @@ def says_why_it_does_not_run(machine: board.Board) -> None:
     machine.answers()
 
 
+def lets_in_who_can_mend_it(machine: board.Board) -> None:
+    told = machine.run(NOT_KEPT).splitlines()
+    assert told[:3] == [
+        "failed",
+        "What is on the partition THROWCAL could not be taken; the journal has more (journalctl -u throwcal-configure).",
+        "who has the key gets in",
+    ], told
+    assert told[3].startswith("Refused rig.toml"), told
+
+
 def light_is_on(machine: board.Board) -> bool:
     return machine.run("cat /sys/class/leds/mmc0::/brightness").strip() != "0"
 
@@ -388,6 +410,7 @@ def story(build: pathlib.Path, folder: pathlib.Path) -> None:
             kept = machine.get(f"/api/v1/calibration/{json.loads(document)['id']}")
         assert kept == document, kept
         says_why_it_does_not_run(machine)
+        lets_in_who_can_mend_it(machine)
 
     board.put_on_partition(disk, "throwcal-site", {"rig.toml": site.rig, "authorized_keys": None})
     our_share_of_the_start(disk, folder)
