@@ -116,7 +116,9 @@ ip address add {address}/32 dev lo
 throwcal status --host {address} | head -n 1
 rm /run/systemd/system/throwcald.service.d/test.conf
 systemctl daemon-reload
-systemctl restart throwcald
+systemctl stop throwcald
+cat /run/throwcal/issue.d/4-throwcald.issue
+systemctl start throwcald
 """
 
 # The rig file that was put on differs from the box's, and can't be kept.
@@ -277,7 +279,7 @@ def cameras_come(machine: board.Board, site: Site, client: box.Client) -> None:
 def says_why_it_does_not_run(machine: board.Board) -> None:
     told = machine.run(NOT_AT_ONCE.format(address="10.77.0.7")).splitlines()
     assert told[0].startswith("throwcald does not run: can't listen at 0.0.0.0:8080: Address already in use"), told
-    assert " throws" in told[1], told
+    assert " throws" in told[1] and told[2:] == ["throwcald was stopped"], told
     machine.until(lambda: "throwcald does not run: can't listen at 0.0.0.0:8080" in machine.screen(), "why, on the console")
     machine.answers()
 
